@@ -1,0 +1,290 @@
+"""The scene model: all that a scene author reads.
+
+A scene is objects that are seen in mirrors, reflectors that are the mirrors, and a camera path. Everything here is
+float64 NumPy on the host, right-handed, z up, in metres and seconds; radiance and albedo are linear RGB.
+
+Surfaces are diffuse, one-sided in spirit and two-sided in effect: a mesh whose back can be seen should be closed.
+Light comes from objects that emit (``Mesh.emission``) and from ``Scene.background``. What a surface sends back is not
+stored by the author but baked (``benchharness.bake``) into ``Mesh.radiance``, so that every method sees the same light.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+Motion = Callable[[float], np.ndarray]
+"""Time in seconds -> rigid pose, float64 [4, 4], object to world."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles with what each vertex needs to be lit.
+
+    vertices   float64 [V, 3], object space
+    faces      int32   [F, 3], counter-clockwise seen from outside
+    normals    float64 [V, 3], unit, outward; area-weighted vertex normals where not given
+    albedo     float64 [V, 3] in [0, 1]; one colour [3] is spread over all vertices
+    emission   float64 [V, 3] radiance that the surface emits by itself, W/(m² sr); one colour [3] is spread
+    radiance   float64 [V, 3] radiance that leaves the surface, baked; None until then
+
+    Raises ValueError for no faces, non-finite numbers, and indices out of range.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    normals: np.ndarray | None = None
+    albedo: np.ndarray | tuple = (0.5, 0.5, 0.5)
+    emission: np.ndarray | tuple = (0.0, 0.0, 0.0)
+    radiance: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        vertices = np.ascontiguousarray(self.vertices, np.float64)
+        faces = np.ascontiguousarray(self.faces, np.int32)
+        if vertices.ndim != 2 or vertices.shape[1] != 3:
+            raise ValueError(f"mesh: vertices have shape {vertices.shape}; accepted: [V, 3]")
+        if faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
+            raise ValueError(f"mesh: faces have shape {faces.shape}; accepted: [F, 3] with at least one face")
+        if not np.isfinite(vertices).all():
+            bad = int(np.flatnonzero(~np.isfinite(vertices).all(axis=1))[0])
+            raise ValueError(f"mesh: vertex {bad} is {vertices[bad]}; accepted: finite coordinates")
+        if faces.min() < 0 or faces.max() >= len(vertices):
+            raise ValueError(f"mesh: a face names vertex {faces.max()}; accepted: 0 to {len(vertices) - 1}")
+        normals = vertex_normals(vertices, faces) if self.normals is None else np.asarray(self.normals, np.float64)
+        for name, value in [
+            ("vertices", vertices),
+            ("faces", faces),
+            ("normals", self._per_vertex("normals", normals, len(vertices))),
+            ("albedo", self._per_vertex("albedo", self.albedo, len(vertices))),
+            ("emission", self._per_vertex("emission", self.emission, len(vertices))),
+        ]:
+            object.__setattr__(self, name, value)
+        if self.radiance is not None:
+            object.__setattr__(self, "radiance", self._per_vertex("radiance", self.radiance, len(vertices)))
+
+    @staticmethod
+    def _per_vertex(name: str, value, n: int) -> np.ndarray:
+        value = np.asarray(value, np.float64)
+        if value.shape not in ((3,), (n, 3)):
+            raise ValueError(f"mesh: {name} has shape {value.shape}; accepted: [3] or [{n}, 3]")
+        if not np.isfinite(value).all():
+            raise ValueError(f"mesh: {name} is not finite; accepted: finite numbers")
+        return np.ascontiguousarray(np.broadcast_to(value, (n, 3)))
+
+    def transformed(self, pose: np.ndarray) -> Mesh:
+        """The mesh moved by a rigid or uniformly scaling pose, float64 [4, 4]."""
+        linear = pose[:3, :3]
+        normals = self.normals @ linear.T
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        return replace(self, vertices=self.vertices @ linear.T + pose[:3, 3], normals=normals)
+
+
+def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Area-weighted unit normals, float64 [V, 3]; +z where a vertex has no area around it."""
+    corners = vertices[faces]
+    face_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = np.zeros_like(vertices)
+    for corner in range(3):
+        np.add.at(normals, faces[:, corner], face_normals)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.where(length > 0, normals / np.maximum(length, 1e-300), [0.0, 0.0, 1.0])
+
+
+def merged(*meshes: Mesh) -> Mesh:
+    """One mesh out of several, in their order; radiance is kept if all have it."""
+    starts = np.cumsum([0] + [len(m.vertices) for m in meshes])
+
+    def stack(name: str) -> np.ndarray:
+        return np.concatenate([getattr(m, name) for m in meshes])
+
+    return Mesh(
+        vertices=stack("vertices"),
+        faces=np.concatenate([m.faces + start for m, start in zip(meshes, starts, strict=False)]),
+        normals=stack("normals"),
+        albedo=stack("albedo"),
+        emission=stack("emission"),
+        radiance=stack("radiance") if all(m.radiance is not None for m in meshes) else None,
+    )
+
+
+def subdivided(mesh: Mesh, h_max: float) -> Mesh:
+    """Splits every edge longer than `h_max` metres at its midpoint until none is left.
+
+    The decision is taken per edge and from its end points alone, so that faces that share an edge, within a mesh or
+    across two meshes, split it at the same point: no T-junctions. A face with one, two or three split edges becomes two,
+    three or four. Attributes are interpolated linearly (normals renormalised).
+    """
+    if not h_max > 0:
+        raise ValueError(f"subdivided: h_max is {h_max}; accepted: a positive length in metres")
+    v, f = mesh.vertices, mesh.faces.astype(np.int64)
+    attributes = np.concatenate([mesh.normals, mesh.albedo, mesh.emission], axis=1)
+    if mesh.radiance is not None:
+        attributes = np.concatenate([attributes, mesh.radiance], axis=1)
+    while True:
+        edges = np.sort(np.stack([f, np.roll(f, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+        unique, inverse = np.unique(edges, axis=0, return_inverse=True)
+        split = np.linalg.norm(v[unique[:, 0]] - v[unique[:, 1]], axis=1) > h_max
+        if not split.any():
+            break
+        middle = np.full(len(unique), -1, np.int64)
+        middle[split] = len(v) + np.arange(split.sum())
+        v = np.concatenate([v, v[unique[split]].mean(axis=1)])
+        attributes = np.concatenate([attributes, attributes[unique[split]].mean(axis=1)])
+        f = _split_faces(f, middle[inverse.reshape(-1, 3)], v)
+    normals = attributes[:, 0:3] / np.maximum(np.linalg.norm(attributes[:, 0:3], axis=1, keepdims=True), 1e-300)
+    return Mesh(
+        vertices=v,
+        faces=f,
+        normals=normals,
+        albedo=attributes[:, 3:6],
+        emission=attributes[:, 6:9],
+        radiance=attributes[:, 9:12] if mesh.radiance is not None else None,
+    )
+
+
+def _split_faces(f: np.ndarray, middle: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Faces int64 [F, 3] with `middle` [F, 3]: the new vertex on edge (k, k+1), or -1 -> the faces of the next round."""
+    count = (middle >= 0).sum(axis=1)
+    out = [f[count == 0]]
+
+    # One split edge: turn the face so that it is edge (0, 1).
+    a, m = _turned(f[count == 1], middle[count == 1], lambda m: np.argmax(m >= 0, axis=1))
+    out += [np.stack([a[:, 0], m[:, 0], a[:, 2]], axis=1), np.stack([m[:, 0], a[:, 1], a[:, 2]], axis=1)]
+
+    # Two: turn it so that edge (2, 0) is whole, then cut the remaining quad along its shorter diagonal.
+    a, m = _turned(f[count == 2], middle[count == 2], lambda m: (np.argmax(m < 0, axis=1) + 1) % 3)
+    out.append(np.stack([m[:, 0], a[:, 1], m[:, 1]], axis=1))
+    first = np.linalg.norm(v[a[:, 0]] - v[m[:, 1]], axis=1) <= np.linalg.norm(v[m[:, 0]] - v[a[:, 2]], axis=1)
+    one, two = first[:, None], ~first[:, None]
+    out += [(np.stack([a[:, 0], m[:, 0], m[:, 1]], axis=1))[one[:, 0]], np.stack([a[:, 0], m[:, 1], a[:, 2]], axis=1)[one[:, 0]]]
+    out += [(np.stack([a[:, 0], m[:, 0], a[:, 2]], axis=1))[two[:, 0]], np.stack([m[:, 0], m[:, 1], a[:, 2]], axis=1)[two[:, 0]]]
+
+    # Three: the corners and the middle.
+    a, m = f[count == 3], middle[count == 3]
+    out += [np.stack([a[:, k], m[:, k], m[:, (k + 2) % 3]], axis=1) for k in range(3)]
+    out.append(m)
+    return np.concatenate(out)
+
+
+def _turned(f: np.ndarray, middle: np.ndarray, first: Callable) -> tuple[np.ndarray, np.ndarray]:
+    """Rotates each face's corners so that corner `first(middle)` [F] comes first."""
+    order = (first(middle)[:, None] + np.arange(3)) % 3
+    return np.take_along_axis(f, order, axis=1), np.take_along_axis(middle, order, axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Object:
+    """Something that is seen directly and in the mirrors.
+
+    shows    a sentence: what this object is there to show. No reason, no object.
+    motion   None for what stands still
+    """
+
+    name: str
+    mesh: Mesh
+    shows: str
+    motion: Motion | None = None
+
+    def pose(self, time: float) -> np.ndarray:
+        return np.eye(4) if self.motion is None else np.asarray(self.motion(time), np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Reflector:
+    """A mirror. Reflects about its interpolated vertex normals; may be open (a sheet) or closed.
+
+    closed   a watertight mesh that contains `mesh` and coincides with it where both exist; searches run on it
+    eta, k   complex index of refraction per RGB; both None for an ideal mirror (reflectance 1)
+    """
+
+    name: str
+    mesh: Mesh
+    closed: Mesh | None = None
+    eta: tuple[float, float, float] | None = None
+    k: tuple[float, float, float] | None = None
+    motion: Motion | None = None
+
+    def pose(self, time: float) -> np.ndarray:
+        return np.eye(4) if self.motion is None else np.asarray(self.motion(time), np.float64)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera. Pixel (row i, column j) has its centre at x = j + 0.5, y = i + 0.5; y points down.
+
+    fov_deg   vertical field of view
+    """
+
+    eye: tuple[float, float, float]
+    target: tuple[float, float, float]
+    fov_deg: float
+    up: tuple[float, float, float] = (0.0, 0.0, 1.0)
+
+    def axes(self) -> np.ndarray:
+        """Rows: unit right, down, forward in world space, float64 [3, 3]."""
+        forward = np.subtract(self.target, self.eye)
+        forward = forward / np.linalg.norm(forward)
+        right = np.cross(forward, self.up)
+        right /= np.linalg.norm(right)
+        return np.stack([right, np.cross(forward, right), forward])
+
+    def world_to_screen(self, width: int, height: int) -> np.ndarray:
+        """Float64 [3, 4] that takes (X, Y, Z, 1) to (x w, y w, w): x, y in pixels, w the depth along the view axis."""
+        focal = 0.5 * height / np.tan(0.5 * np.radians(self.fov_deg))
+        pixels = np.array([[focal, 0.0, 0.5 * width], [0.0, focal, 0.5 * height], [0.0, 0.0, 1.0]])
+        axes = self.axes()
+        return pixels @ np.concatenate([axes, -(axes @ np.asarray(self.eye, np.float64))[:, None]], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Everything that a frame is made from.
+
+    camera      time in seconds -> Camera
+    frames      length of the animation; frame i is at time i / fps
+    near        distance in front of the eye, in metres, below which nothing is drawn
+    background  radiance of the surroundings at infinity, linear RGB
+    ppd         pixels per degree at which images are looked at, for FLIP
+    exposure    stops (powers of two) that take the scene's radiance to display brightness, for FLIP and the pictures
+    detail      "lean" or "paper"
+    """
+
+    name: str
+    objects: tuple[Object, ...]
+    reflectors: tuple[Reflector, ...]
+    camera: Callable[[float], Camera]
+    frames: int
+    fps: float = 25.0
+    near: float = 0.01
+    background: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    ppd: float = 67.0
+    exposure: float = 0.0
+    detail: str = "lean"
+    source: dict = field(default_factory=dict)
+    """What the builder was asked for, for the records: keyword -> value."""
+
+    def time(self, frame: int) -> float:
+        return frame / self.fps
+
+    @property
+    def parts(self) -> tuple[Object | Reflector, ...]:
+        """Objects, then reflectors: the order in which vertices and triangles are numbered everywhere."""
+        return (*self.objects, *self.reflectors)
+
+    @property
+    def vertices(self) -> int:
+        return sum(len(part.mesh.vertices) for part in self.parts)
+
+    @property
+    def triangles(self) -> int:
+        return sum(len(part.mesh.faces) for part in self.parts)
+
+    def poses(self, time: float) -> np.ndarray:
+        """Poses of `parts` at a time, float64 [P, 3, 4]."""
+        return np.stack([part.pose(time)[:3] for part in self.parts])
+
+    def moves(self, one: float, other: float) -> bool:
+        """Whether any part stands elsewhere at time `other` than at time `one`."""
+        return bool((self.poses(one) != self.poses(other)).any())
