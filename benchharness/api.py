@@ -14,9 +14,9 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
-if TYPE_CHECKING:
-    import mitsuba as mi
+import mitsuba as mi
 
+if TYPE_CHECKING:
     from benchharness.scene import Scene
 
 
@@ -47,7 +47,7 @@ class Surface:
     """A reflector's triangles on the device, object space.
 
     vertices   8 floats per vertex: position, 0, normal, 0
-    faces      3 indices per triangle
+    faces      4 integers per triangle: three vertices and the number of the part
     """
 
     vertices: mi.Float

@@ -1,0 +1,133 @@
+"""Scene + time + camera -> Frame: the rasterized first hit of every pixel (G-buffer).
+
+The geometry is uploaded once; it is posed again only when a part moved. Everything that changes from frame to frame goes
+in as opaque arrays, so that no frame compiles a kernel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from benchharness.api import Frame, Surface, View
+from benchharness.kernels import geometry, raster
+from benchharness.scene import Camera, Mesh, Scene
+
+
+def opaque(kind, values):
+    """A Dr.Jit array of `values` that no kernel sees as a literal."""
+    array = kind(*(float(v) for v in np.ravel(values))) if dr.depth_v(kind) > 1 else kind(values)
+    dr.make_opaque(array)
+    return array
+
+
+def view_of(camera: Camera, width: int, height: int, near: float) -> View:
+    """The camera on the device; pixel centres at + 0.5, rows downwards."""
+    right, down, forward = camera.axes()
+    focal = 0.5 * height / np.tan(0.5 * np.radians(camera.fov_deg))
+    x, y, w = camera.world_to_screen(width, height)
+    return View(
+        eye=opaque(mi.Point3f, camera.eye),
+        x=opaque(mi.Vector4f, x),
+        y=opaque(mi.Vector4f, y),
+        w=opaque(mi.Vector4f, w),
+        right=opaque(mi.Vector3f, right / focal),
+        down=opaque(mi.Vector3f, down / focal),
+        axis=opaque(mi.Vector3f, forward - (0.5 * width * right + 0.5 * height * down) / focal),
+        near=opaque(mi.Float, near),
+        width=width,
+        height=height,
+    )
+
+
+def surface_of(mesh: Mesh) -> Surface:
+    """A reflector's mesh on the device, object space."""
+    zeros = np.zeros((len(mesh.vertices), 1))
+    packed = np.hstack([mesh.vertices, zeros, mesh.normals, zeros]).astype(np.float32)
+    faces = np.hstack([mesh.faces, np.zeros((len(mesh.faces), 1), np.int32)]).astype(np.uint32)
+    return Surface(mi.Float(packed.ravel()), mi.UInt32(faces.ravel()), len(mesh.vertices), len(mesh.faces))
+
+
+class FrameRenderer:
+    """Renders the frames of one baked scene at one size. Raises ValueError for a scene that has not been baked."""
+
+    def __init__(self, scene: Scene, width: int, height: int) -> None:
+        for part in scene.objects:
+            if part.mesh.radiance is None:
+                raise ValueError(f"scene {scene.name}: object {part.name} has no baked radiance; bake the scene first")
+        self.scene, self.width, self.height = scene, width, height
+        self.geometry = geometry.upload(
+            [(o.mesh.vertices, o.mesh.radiance, o.mesh.faces) for o in scene.objects]
+            + [(r.mesh.vertices, r.mesh.normals, r.mesh.faces) for r in scene.reflectors]
+        )
+        self.surfaces = [surface_of(r.mesh) for r in scene.reflectors]
+        self.proxies = [
+            self.surfaces[i] if r.closed is None else surface_of(r.closed) for i, r in enumerate(scene.reflectors)
+        ]
+        self.background = opaque(mi.Color3f, scene.background)
+        self._poses: np.ndarray | None = None
+        self._world: tuple = ()
+
+    def view(self, index: int) -> View:
+        return view_of(self.scene.camera(self.scene.time(index)), self.width, self.height, self.scene.near)
+
+    def render(self, index: int) -> Frame:
+        """The frame number `index` of the animation, evaluated."""
+        return self.draw(index, self.view(index))
+
+    def draw(self, index: int, view: View) -> Frame:
+        """Frame `index` as seen by `view`: the part of `render` that is timed as `gbuffer_ms`."""
+        poses, points, normals = self._posed(self.scene.poses(self.scene.time(index)))
+        reflector, p, n, radiance = _first_hits(
+            points, normals, self.geometry.faces, self.background, view, self.geometry.face_count, len(self.scene.objects)
+        )
+        active = reflector >= 0
+        dr.eval(active)
+        pixels = dr.compress(active)
+        v = dr.normalize(view.eye - p)
+        time = self.scene.time(index)
+        frame = Frame(index, time, view, poses, reflector, active, pixels, p, n, v, radiance, self.surfaces, self.proxies)
+        dr.eval(reflector, active, pixels, p, n, radiance)
+        return frame
+
+    def _posed(self, poses: np.ndarray) -> tuple[mi.Float, mi.Float, mi.Float]:
+        if self._poses is None or (poses != self._poses).any():
+            g = self.geometry
+            rows = opaque(mi.Float, poses.astype(np.float32).ravel())
+            points = geometry.posed(g.points, g.vertex_count, rows)
+            normals = _turned_mirrors(g, rows, len(self.scene.objects))
+            dr.eval(points, normals)
+            self._poses, self._world = poses, (rows, points, normals)
+        return self._world
+
+
+def _turned_mirrors(g: geometry.Geometry, poses: mi.Float, objects: int) -> mi.Float:
+    """Attributes with the reflectors' normals in world space and the objects' radiance as it is."""
+    lane = dr.arange(mi.UInt32, g.vertex_count)
+    part = dr.gather(mi.Float, g.points, lane * 4 + 3)
+    turned = dr.gather(mi.Vector4f, geometry.turned(g.points, g.attributes, g.vertex_count, poses), lane)
+    kept = dr.gather(mi.Vector4f, g.attributes, lane)
+    out = dr.empty(mi.Float, 4 * g.vertex_count)
+    dr.scatter(out, dr.select(part >= objects, turned, kept), lane)
+    return out
+
+
+@dr.freeze
+def _first_hits(points, attributes, faces, background, view: View, face_count: int, objects: int):
+    """Reflector number, point, normal and radiance at every pixel centre."""
+    visibility = raster.rasterize(points, faces, face_count, view)
+    lane = dr.arange(mi.UInt32, view.width * view.height)
+    hit, face, weights, p = raster.seen(points, faces, visibility, view, lane)
+    value = raster.interpolate(attributes, face, weights, hit)
+    reflector = dr.select(hit, mi.Int32(face.w) - objects, -1)
+    reflector = dr.select(reflector >= 0, reflector, -1)
+    mirror = reflector >= 0
+    n = dr.normalize(mi.Vector3f(value.x, value.y, value.z))
+    n = dr.select(mirror, dr.select(dr.dot(n, view.eye - p) < 0, -n, n), 0)
+    seen = dr.select(hit, mi.Color3f(value.x, value.y, value.z), background)
+    return reflector, dr.select(mirror, p, 0), mi.Normal3f(n), dr.select(mirror, 0, seen)
+
+

@@ -1,0 +1,150 @@
+"""Cube maps: capture by rasterization, lookup without seams, mip levels.
+
+Faces: 2 * axis + (1 if negative), axis 0, 1, 2 = x, y, z. On a face, u and v in [-1, 1] are the two other coordinates in
+cyclic order (axis + 1, axis + 2), divided by the size of the coordinate along the axis. Texel (row i, column j) of a face
+with n x n texels has its centre at u = (2 j + 1) / n - 1, v = (2 i + 1) / n - 1.
+
+Every face is stored with a border of one texel that is captured with the face, through a window slightly wider than
+90 degrees. So bilinear lookup never has to look across an edge, and the two faces at an edge agree up to the square of
+the texel's size. 4 floats per texel: radiance and 1 / distance (0 for the surroundings), which can be averaged.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+
+from benchharness.kernels import raster
+
+
+@dataclass
+class _Window:
+    """The camera of one face, border included; see `benchharness.api.View`."""
+
+    eye: mi.Point3f
+    x: mi.Vector4f
+    y: mi.Vector4f
+    w: mi.Vector4f
+    right: mi.Vector3f
+    down: mi.Vector3f
+    axis: mi.Vector3f
+    near: mi.Float
+    width: int
+    height: int
+
+
+def _unit(axis: int) -> mi.Vector3f:
+    return mi.Vector3f(*(1.0 if k == axis else 0.0 for k in range(3)))
+
+
+def _window(face: int, n: int, centre: mi.Point3f, near: mi.Float) -> _Window:
+    axis, sign = face // 2, 1 - 2 * (face % 2)
+    forward, u, v = sign * _unit(axis), _unit((axis + 1) % 3), _unit((axis + 2) % 3)
+    focal, middle = 0.5 * n, 0.5 * n + 1
+
+    def row(direction: mi.Vector3f) -> mi.Vector4f:
+        return mi.Vector4f(direction.x, direction.y, direction.z, -dr.dot(direction, centre))
+
+    return _Window(
+        eye=centre,
+        x=row(focal * u + middle * forward),
+        y=row(focal * v + middle * forward),
+        w=row(forward),
+        right=u / focal,
+        down=v / focal,
+        axis=forward - (middle / focal) * (u + v),
+        near=near,
+        width=n + 2,
+        height=n + 2,
+    )
+
+
+def capture(points, attributes, faces, face_count: int, drawn, centre: mi.Point3f, n: int, near, background) -> mi.Float:
+    """The scene around `centre`: 4 floats per texel, [6, n + 2, n + 2]. `drawn`: Bool [face_count]."""
+    count = (n + 2) * (n + 2)
+    texels = dr.empty(mi.Float, 4 * 6 * count)
+    lane = dr.arange(mi.UInt32, count)
+    for face in range(6):
+        window = _window(face, n, centre, near)
+        visibility = raster.rasterize(points, faces, face_count, window, drawn=drawn)
+        hit, packet, weights, p = raster.seen(points, faces, visibility, window, lane)
+        value = raster.interpolate(attributes, packet, weights, hit)
+        inverse = dr.rcp(dr.norm(p - centre))
+        value = dr.select(
+            hit, mi.Vector4f(value.x, value.y, value.z, inverse), mi.Vector4f(background.x, background.y, background.z, 0)
+        )
+        dr.scatter(texels, value, lane + face * count)
+    return texels
+
+
+def direction(face: mi.UInt32, u: mi.Float, v: mi.Float) -> mi.Vector3f:
+    """The direction of a point on a face, unnormalised."""
+    axis = face >> 1
+    forward = dr.select((face & 1) == 0, mi.Float(1), mi.Float(-1))
+    return mi.Vector3f(*(dr.select(axis == k, forward, dr.select((axis + 1) % 3 == k, u, v)) for k in range(3)))
+
+
+def face_of(d: mi.Vector3f) -> tuple[mi.UInt32, mi.Float, mi.Float]:
+    """The face that a direction leaves through, and u, v there. d need not be normalised and must not be zero."""
+    ax, ay, az = dr.abs(d.x), dr.abs(d.y), dr.abs(d.z)
+    on_x = (ax >= ay) & (ax >= az)
+    on_y = ~on_x & (ay >= az)
+    forward = dr.select(on_x, d.x, dr.select(on_y, d.y, d.z))
+    u = dr.select(on_x, d.y, dr.select(on_y, d.z, d.x))
+    v = dr.select(on_x, d.z, dr.select(on_y, d.x, d.y))
+    axis = dr.select(on_x, mi.UInt32(0), dr.select(on_y, mi.UInt32(1), mi.UInt32(2)))
+    scale = dr.rcp(dr.abs(forward))
+    return 2 * axis + dr.select(forward < 0, mi.UInt32(1), mi.UInt32(0)), u * scale, v * scale
+
+
+def lookup(texels: mi.Float, n: int, d: mi.Vector3f, active=True) -> mi.Vector4f:
+    """Bilinear value in direction d, of a map with n x n texels per face and a border."""
+    face, u, v = face_of(d)
+    x, y = (u + 1) * (0.5 * n) + 0.5, (v + 1) * (0.5 * n) + 0.5
+    column = dr.clip(mi.Int32(dr.floor(x)), 0, n)
+    row = dr.clip(mi.Int32(dr.floor(y)), 0, n)
+    fx, fy = x - mi.Float(column), y - mi.Float(row)
+    base = (face * (n + 2) + mi.UInt32(row)) * (n + 2) + mi.UInt32(column)
+    a, b, c, e = (dr.gather(mi.Vector4f, texels, base + k, active) for k in (0, 1, n + 2, n + 3))
+    return dr.lerp(dr.lerp(a, b, fx), dr.lerp(c, e, fx), fy)
+
+
+def coarser(texels: mi.Float, n: int) -> mi.Float:
+    """The next mip level, n / 2 texels per face: each texel, border included, is the mean of four lookups a quarter texel
+    around its centre. n is even."""
+    half = n // 2
+    count = (half + 2) * (half + 2)
+    lane = dr.arange(mi.UInt32, 6 * count)
+    face = lane // count
+    row = (lane - face * count) // (half + 2)
+    column = lane - face * count - row * (half + 2)
+    total = mi.Vector4f(0)
+    for dy in (-0.25, 0.25):
+        for dx in (-0.25, 0.25):
+            u = (mi.Float(column) - 0.5 + dx) * (2.0 / half) - 1
+            v = (mi.Float(row) - 0.5 + dy) * (2.0 / half) - 1
+            total += lookup(texels, n, direction(face, u, v))
+    out = dr.empty(mi.Float, 4 * 6 * count)
+    dr.scatter(out, total * 0.25, lane)
+    return out
+
+
+def levels_of(n: int) -> list[int]:
+    """Sizes of the mip levels, n first, down to 4 texels per face."""
+    sizes = [n]
+    while sizes[-1] % 2 == 0 and sizes[-1] > 4:
+        sizes.append(sizes[-1] // 2)
+    return sizes
+
+
+def lookup_mip(levels: list[mi.Float], sizes: list[int], d: mi.Vector3f, level: mi.Float, active=True) -> mi.Vector4f:
+    """Trilinear value: bilinear on the two levels around `level` (0 is the finest)."""
+    level = dr.clip(level, 0, len(sizes) - 1)
+    value = mi.Vector4f(0)
+    for k, (texels, n) in enumerate(zip(levels, sizes, strict=True)):
+        weight = dr.maximum(1 - dr.abs(level - k), 0)
+        used = active & (weight > 0)
+        value += dr.select(used, lookup(texels, n, d, used) * weight, 0)
+    return value

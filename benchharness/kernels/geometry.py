@@ -1,0 +1,72 @@
+"""Triangles on the device, in the layout that the other kernels read.
+
+    points      4 floats per vertex: x, y, z, number of the part (as a float, exact below 2^24)
+    attributes  4 floats per vertex: radiance of what is lit, unit normal of what reflects; the last is free
+    faces       4 integers per triangle: three vertices, number of the part
+
+One vertex or one triangle is one packet load of 16 bytes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+
+@dataclass
+class Geometry:
+    points: mi.Float
+    attributes: mi.Float
+    faces: mi.UInt32
+    vertex_count: int
+    face_count: int
+
+
+def upload(meshes: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> Geometry:
+    """One Geometry out of parts (vertices [V, 3], attributes [V, 3], faces [F, 3]), numbered in their order."""
+    points, attributes, faces, start = [], [], [], 0
+    for part, (v, a, f) in enumerate(meshes):
+        points.append(np.column_stack([v, np.full(len(v), part)]).astype(np.float32))
+        attributes.append(np.column_stack([a, np.zeros(len(v))]).astype(np.float32))
+        faces.append(np.column_stack([np.asarray(f, np.int64) + start, np.full(len(f), part)]).astype(np.uint32))
+        start += len(v)
+    packed_faces = np.concatenate(faces)
+    return Geometry(
+        mi.Float(np.concatenate(points).ravel()),
+        mi.Float(np.concatenate(attributes).ravel()),
+        mi.UInt32(packed_faces.ravel()),
+        start,
+        len(packed_faces),
+    )
+
+
+def posed(points: mi.Float, vertex_count: int, poses: mi.Float) -> mi.Float:
+    """Points in world space. `poses`: 12 floats per part, the rows of its 3 x 4 object-to-world matrix."""
+    p, rows, lane = _pose_of(points, vertex_count, poses)
+    q = mi.Vector4f(p.x, p.y, p.z, 1.0)
+    return _packed(mi.Vector4f(dr.dot(rows[0], q), dr.dot(rows[1], q), dr.dot(rows[2], q), p.w), lane, vertex_count)
+
+
+def turned(points: mi.Float, normals: mi.Float, vertex_count: int, poses: mi.Float) -> mi.Float:
+    """Normals in world space, for rigid poses. `points` tells the part of each vertex."""
+    _, rows, lane = _pose_of(points, vertex_count, poses)
+    n = dr.gather(mi.Vector4f, normals, lane)
+    q = mi.Vector4f(n.x, n.y, n.z, 0.0)
+    return _packed(mi.Vector4f(dr.dot(rows[0], q), dr.dot(rows[1], q), dr.dot(rows[2], q), 0.0), lane, vertex_count)
+
+
+def _pose_of(points: mi.Float, vertex_count: int, poses: mi.Float):
+    lane = dr.arange(mi.UInt32, vertex_count)
+    p = dr.gather(mi.Vector4f, points, lane)
+    part = mi.UInt32(p.w)
+    return p, [dr.gather(mi.Vector4f, poses, part * 3 + k) for k in range(3)], lane
+
+
+def _packed(value: mi.Vector4f, lane: mi.UInt32, count: int) -> mi.Float:
+    out = dr.empty(mi.Float, 4 * count)
+    dr.scatter(out, value, lane)
+    return out

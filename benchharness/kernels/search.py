@@ -1,0 +1,218 @@
+"""Image-space search for reflection points (Estalella, Martin, Drettakis, Tost 2006, section 4).
+
+A reflector is rendered from the eye into a texture of first points and normals. The point R that shows a vertex V to the
+eye E is where the half vector B of the directions to E and V is the normal N; the search climbs the agreement of B and N
+from texel to neighbouring texel until no neighbour agrees better.
+
+Texture: 4 floats per texel, row major: depth along the view axis (0 where the reflector is not) and unit normal. The
+point is where the texel's own ray has that depth, so that one packet of 16 bytes holds what the paper keeps in two
+textures. `view` is the camera of the texture.
+
+Where we differ from the paper: the eight neighbours may be taken at a stride that halves from level to level, which is
+the same as climbing a pyramid of every second, fourth, ... texel, and takes a cold search from hundreds of steps to tens.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import drjit as dr
+import mitsuba as mi
+
+from benchharness.kernels import optics, raster
+
+CROSS = ((0, 1), (0, -1), (1, 0), (-1, 0))
+DIAGONALS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
+CERTAIN = 1.0  # texels; a search that ended on the best texel leaves at most half a texel per axis, plus the curvature's part
+OUTSIDE = -8.0  # below every score: "sq" lies in [-4, 0], "dot" in [-1, 1]
+
+
+def render(surface, pose: list, view) -> mi.Float:
+    """The texture of a reflector alone, not occluded by anything: 4 floats per texel.
+
+    surface  a `benchharness.api.Surface`
+    pose     its three rows of the object-to-world matrix, Vector4f each
+    """
+    lane = dr.arange(mi.UInt32, surface.vertex_count)
+    p = dr.gather(mi.Vector4f, surface.vertices, lane * 2)
+    n = dr.gather(mi.Vector4f, surface.vertices, lane * 2 + 1)
+    p.w, n.w = 1.0, 0.0
+    points, normals = dr.empty(mi.Float, 4 * surface.vertex_count), dr.empty(mi.Float, 4 * surface.vertex_count)
+    dr.scatter(points, mi.Vector4f(*(dr.dot(row, p) for row in pose), 0.0), lane)
+    dr.scatter(normals, mi.Vector4f(*(dr.dot(row, n) for row in pose), 0.0), lane)
+
+    visibility = raster.rasterize(points, surface.faces, surface.face_count, view)
+    texel = dr.arange(mi.UInt32, view.width * view.height)
+    hit, face, weights, q = raster.seen(points, surface.faces, visibility, view, texel)
+    value = raster.interpolate(normals, face, weights, hit)
+    n = dr.normalize(mi.Vector3f(value.x, value.y, value.z))
+    depth = dr.dot(view.w, mi.Vector4f(q.x, q.y, q.z, 1.0))
+    texels = dr.empty(mi.Float, 4 * view.width * view.height)
+    dr.scatter(texels, dr.select(hit, mi.Vector4f(depth, n.x, n.y, n.z), 0), texel)
+    return texels
+
+
+def widened(view, factor: float):
+    """The view with tan(fov / 2) times `factor` and as many more pixels, so that the texels keep their size."""
+    width, height = math.ceil(factor * view.width), math.ceil(factor * view.height)
+    across, down = 0.5 * (width - view.width), 0.5 * (height - view.height)
+    return dataclasses.replace(
+        view,
+        x=view.x + across * view.w,
+        y=view.y + down * view.w,
+        axis=view.axis - across * view.right - down * view.down,
+        width=width,
+        height=height,
+    )
+
+
+def middle(texels, surface, pose: list, view) -> tuple[mi.Int32, mi.Int32]:
+    """Where a cold search starts: the covered texel nearest to the centre of the reflector's bounding box on the screen.
+
+    The texels tried are those of the reflector's vertices, which lie as dense as its tessellation. (0, 0) if none is in
+    the picture.
+    """
+    lane = dr.arange(mi.UInt32, surface.vertex_count)
+    p = dr.gather(mi.Vector4f, surface.vertices, lane * 2)
+    p.w = 1.0
+    column, row, seen = texel_of(view, mi.Point3f(*(dr.dot(axis, p) for axis in pose)))
+    seen &= fetch(texels, view, column, row, seen)[0]
+    far = view.width + view.height
+    centre_column = (dr.min(dr.select(seen, column, far)) + dr.max(dr.select(seen, column, 0))) // 2
+    centre_row = (dr.min(dr.select(seen, row, far)) + dr.max(dr.select(seen, row, 0))) // 2
+    distance = mi.UInt64(mi.UInt32(dr.square(column - centre_column) + dr.square(row - centre_row)))
+    key = (distance << 32) | mi.UInt64(mi.UInt32(row * view.width + column))
+    texel = mi.Int32(mi.UInt32(dr.min(dr.select(seen, key, 0x7FFF_FFFF_0000_0000)) & 0xFFFF_FFFF))
+    return texel % view.width, texel // view.width
+
+
+def texel_of(view, p: mi.Point3f) -> tuple[mi.Int32, mi.Int32, mi.Bool]:
+    """Column and row of the texel that p is seen in, and whether it is in front and in the picture."""
+    q = mi.Vector4f(p.x, p.y, p.z, 1.0)
+    w = dr.dot(view.w, q)
+    scale = dr.rcp(dr.maximum(w, 1e-12))
+    x, y = dr.dot(view.x, q) * scale, dr.dot(view.y, q) * scale
+    seen = (w > view.near) & (x >= 0) & (y >= 0) & (x < view.width) & (y < view.height)
+    return dr.select(seen, mi.Int32(x), 0), dr.select(seen, mi.Int32(y), 0), seen
+
+
+def fetch(texels: mi.Float, view, column: mi.Int32, row: mi.Int32, active=True):
+    """(covered, point, normal) of a texel; outside the picture nothing is covered."""
+    inside = (column >= 0) & (row >= 0) & (column < view.width) & (row < view.height) & active
+    t = dr.gather(mi.Vector4f, texels, mi.UInt32(row * view.width + column), inside)
+    direction = view.axis + (mi.Float(column) + 0.5) * view.right + (mi.Float(row) + 0.5) * view.down
+    return inside & (t.x > 0), view.eye + t.x * direction, mi.Normal3f(t.y, t.z, t.w)
+
+
+def mismatch(p: mi.Point3f, n: mi.Normal3f, eye: mi.Point3f, vertex: mi.Point3f) -> tuple[mi.Vector3f, mi.Bool]:
+    """B - N at a point of the reflector, and whether B is defined."""
+    B, defined = optics.half_vector(p, eye, vertex)
+    return B - mi.Vector3f(n), defined
+
+
+def score(kind: str, texels, view, column, row, vertex: mi.Point3f, active) -> mi.Float:
+    """How well the texel reflects the vertex: "dot" is B.N as in the paper, "sq" is -|B - N|^2.
+
+    Both have the same maximum; B.N in float32 is flat within 3.5e-4 rad of it, -|B - N|^2 is not. "inverse" is "sq" with
+    the roles swapped: the vertex is the image, and what it is the image of is its mirror image at each texel.
+    """
+    covered, p, n = fetch(texels, view, column, row, active)
+    if kind == "inverse":
+        vertex = optics.mirrored(vertex, p, n)
+    difference, defined = mismatch(p, n, view.eye, vertex)
+    if kind == "dot":
+        value = dr.select(defined, dr.dot(difference, n) + 1, -1)
+    else:
+        value = dr.select(defined, -dr.squared_norm(difference), -4)
+    return dr.select(covered, value, OUTSIDE)
+
+
+@dr.syntax
+def climb(kind: str, neighbourhood: str, texels, view, vertex, column, row, stride, active, max_iter):
+    """Climbs from (column, row) with neighbours `stride` texels away, halving the stride down to 1.
+
+    Returns (column, row, score, iterations, reads, settled): the best texel; neighbourhoods examined, the last one that
+    changed nothing included; texels evaluated; whether it ended by itself rather than at `max_iter`.
+    Strict improvement at each step, so it ends; neighbours that tie do not move it.
+    """
+    best = score(kind, texels, view, column, row, vertex, active)
+    iterations = mi.UInt32(0)
+    reads = mi.UInt32(dr.select(active, 1, 0))
+    corners = mi.Bool(False)
+    running = mi.Bool(active)
+    offsets = CROSS + DIAGONALS if neighbourhood == "full8" else CROSS
+    while dr.hint(running, label="climb the agreement of half vector and normal"):
+        next_column, next_row, next_best = mi.Int32(column), mi.Int32(row), mi.Float(best)
+        for k in range(len(offsets)):
+            dx, dy = offsets[k]
+            if dr.hint(neighbourhood == "cross_then_diag", mode="scalar"):
+                dx, dy = dr.select(corners, DIAGONALS[k][0], dx), dr.select(corners, DIAGONALS[k][1], dy)
+            c, r = column + dx * stride, row + dy * stride
+            s = score(kind, texels, view, c, r, vertex, running)
+            better = s > next_best
+            next_column, next_row = dr.select(better, c, next_column), dr.select(better, r, next_row)
+            next_best = dr.select(better, s, next_best)
+        reads += len(offsets)
+
+        improved = next_best > best
+        column, row, best = next_column, next_row, next_best
+        examined = mi.Bool(improved)
+        if dr.hint(neighbourhood == "cross_then_diag", mode="scalar"):
+            examined |= corners
+            settled = corners & ~improved
+            corners = ~corners & ~improved
+        else:
+            examined |= True
+            settled = ~improved
+        iterations += dr.select(examined, 1, 0)
+        done = settled & (stride <= 1)
+        stride = dr.select(settled, dr.maximum(stride >> 1, 1), stride)
+        running &= ~done & (iterations < max_iter)
+    return column, row, best, iterations, reads, dr.select(active, iterations < max_iter, True)
+
+
+def around(texels, view, column, row, vertex: mi.Point3f, active):
+    """B - N at a texel and its rates of change per column and per row, with the point's own.
+
+    Returns (difference, d_column, d_row, p, n, p_column, p_row, n_column, n_row, complete): central differences over the
+    four neighbours, `complete` where all five are covered and B is defined at each.
+    """
+    covered, p, n = fetch(texels, view, column, row, active)
+    centre, complete = mismatch(p, n, view.eye, vertex)
+    complete &= covered
+    rates = []
+    for dx, dy in ((1, 0), (0, 1)):
+        ends = []
+        for side in (1, -1):
+            covered, q, m = fetch(texels, view, column + side * dx, row + side * dy, active)
+            difference, defined = mismatch(q, m, view.eye, vertex)
+            complete &= covered & defined
+            ends.append((difference, q, mi.Vector3f(m)))
+        rates.append([0.5 * (a - b) for a, b in zip(*ends, strict=True)])
+    (dc, pc, nc), (dr_, pr, nr) = rates
+    return centre, dc, dr_, p, n, pc, pr, nc, nr, complete
+
+
+def least_squares(f: mi.Vector3f, a: mi.Vector3f, b: mi.Vector3f) -> tuple[mi.Float, mi.Float, mi.Bool]:
+    """(x, y) that minimise |f + x a + y b|, within one texel each, and whether they explain f.
+
+    The last is True where the solution lies within CERTAIN texels and leaves less of f than the step of one texel would
+    change it: then R is where the texture says that it is, and not where the search merely stopped.
+    """
+    aa, ab, bb, af, bf = dr.dot(a, a), dr.dot(a, b), dr.dot(b, b), dr.dot(a, f), dr.dot(b, f)
+    det = aa * bb - ab * ab
+    usable = det > 1e-6 * aa * bb
+    scale = dr.select(usable, dr.rcp(dr.select(usable, det, 1)), 0)
+    x, y = (ab * bf - bb * af) * scale, (ab * af - aa * bf) * scale
+    left = dr.squared_norm(f + x * a + y * b)
+    explained = usable & (dr.abs(x) <= CERTAIN) & (dr.abs(y) <= CERTAIN) & (left <= 0.25 * dr.maximum(aa, bb))
+    return dr.clip(x, -1, 1), dr.clip(y, -1, 1), explained
+
+
+def between(view, p, n, p_column, p_row, n_column, n_row, column, row, x, y) -> tuple[mi.Point3f, mi.Normal3f]:
+    """The point on the eye's ray through (column + x, row + y) and its unit normal, from a texel's and their rates."""
+    q = p + x * p_column + y * p_row
+    depth = dr.dot(view.w, mi.Vector4f(q.x, q.y, q.z, 1.0))
+    direction = view.axis + (mi.Float(column) + x + 0.5) * view.right + (mi.Float(row) + y + 0.5) * view.down
+    return view.eye + depth * direction, mi.Normal3f(dr.normalize(mi.Vector3f(n) + x * n_column + y * n_row))

@@ -1,0 +1,122 @@
+"""Environment map: the scene as seen from the reflector's centre, looked up by direction alone (Blinn and Newell 1976).
+
+A cube map per reflector, captured in `update` by rasterizing everything but the reflector itself. Each pixel looks up the
+mirror direction of its own ray as if all surroundings were infinitely far away.
+
+Assumes distant surroundings. What is near is shown in the wrong place: the parallax between the reflector's centre and
+the reflection point is ignored, and contact between an object and its image is lost. With `mip`, the level is chosen from
+how far the direction turns from one pixel to the next, so that a strongly curved mirror does not alias.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from pydantic import Field
+
+from benchharness.api import Frame, Method, Reflection
+from benchharness.kernels import cubemap, geometry, optics
+from benchharness.scene import Scene
+
+NEAR = 1e-3  # metres; what is nearer to the reflector's centre than this is inside the reflector
+
+
+@dataclass
+class State:
+    """`centres`: middle of each reflector's bounding box, object space; `maps`: per reflector its mip levels."""
+
+    geometry: geometry.Geometry
+    centres: list[mi.Point3f]
+    background: mi.Color3f
+    near: mi.Float
+    maps: list[list[mi.Float]]
+
+
+@dataclass(frozen=True)
+class EnvironmentMap(Method):
+    """
+    resolution  texels per edge of a cube face, a power of two
+    mip         trilinear lookup in a mip pyramid; else bilinear in the finest level
+    """
+
+    resolution: Annotated[int, Field(ge=4, le=4096)] = 256
+    mip: bool = True
+
+    paper: ClassVar[str] = "Blinn and Newell 1976; Greene 1986"
+
+    def __post_init__(self) -> None:
+        if self.resolution & (self.resolution - 1):
+            raise ValueError(f"environment_map: resolution is {self.resolution}; accepted: a power of two, such as 256")
+
+    def prepare(self, scene: Scene) -> State:
+        lit = [(o.mesh.vertices, o.mesh.radiance, o.mesh.faces) for o in scene.objects]
+        black = [(r.mesh.vertices, np.zeros_like(r.mesh.vertices), r.mesh.faces) for r in scene.reflectors]
+        centres = []
+        for r in scene.reflectors:
+            v = (r.closed or r.mesh).vertices
+            centres.append(mi.Point3f((0.5 * (v.min(axis=0) + v.max(axis=0))).tolist()))
+        background, near = mi.Color3f(scene.background), mi.Float(NEAR)
+        dr.make_opaque(background, near, centres)
+        return State(geometry.upload(lit + black), centres, background, near, [])
+
+    def update(self, state: State, frame: Frame) -> State:
+        first = len(frame.poses) // 12 - len(state.centres)
+        points = geometry.posed(state.geometry.points, state.geometry.vertex_count, frame.poses)
+        maps = []
+        for i, centre in enumerate(state.centres):
+            part = dr.opaque(mi.UInt32, first + i)
+            finest = _capture(state.geometry, points, frame.poses, part, centre, state.near, state.background, self.resolution)
+            levels = [finest]
+            for n in cubemap.levels_of(self.resolution)[:-1] if self.mip else ():
+                levels.append(cubemap.coarser(levels[-1], n))
+            maps.append(levels)
+        return State(state.geometry, state.centres, state.background, state.near, maps)
+
+    def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
+        L, distance = _look_up(
+            state.maps, frame.view, frame.p, frame.n, frame.reflector, frame.active, self.resolution, self.mip
+        )
+        return Reflection(L, distance, mi.Bool(frame.active)), state
+
+
+def _capture(triangles: geometry.Geometry, points, poses, part, centre, near, background, resolution: int) -> mi.Float:
+    """The finest level of one reflector's map: everything but part number `part`, around `centre` of that part."""
+    q = mi.Vector4f(centre.x, centre.y, centre.z, 1)
+    world = mi.Point3f(*(dr.dot(dr.gather(mi.Vector4f, poses, part * 3 + k), q) for k in range(3)))
+    owner = dr.gather(mi.UInt32, triangles.faces, dr.arange(mi.UInt32, triangles.face_count) * 4 + 3)
+    count = triangles.face_count
+    return cubemap.capture(
+        points, triangles.attributes, triangles.faces, count, owner != part, world, resolution, near, background
+    )
+
+
+@dr.freeze
+def _look_up(maps: list, view, p, n, reflector, active, resolution: int, mip: bool):
+    """Radiance and distance at every pixel, from the map of the reflector seen there."""
+    eye = view.eye
+    r = optics.reflect(dr.normalize(eye - p), n)
+    level = _footprint(eye, p, n, reflector, r, view, resolution) if mip else mi.Float(0)
+    value = mi.Vector4f(0)
+    sizes = cubemap.levels_of(resolution) if mip else [resolution]
+    for i, levels in enumerate(maps):
+        own = active & (reflector == i)
+        value = dr.select(own, cubemap.lookup_mip(levels, sizes, r, level, own), value)
+    distance = dr.select(active & (value.w <= 0), dr.inf, dr.rcp(dr.select(active, value.w, 1)))
+    return mi.Color3f(value.x, value.y, value.z), dr.select(active, distance, 0)
+
+
+def _footprint(eye, p, n, reflector, r, view, resolution: int) -> mi.Float:
+    """Mip level at which one texel is as wide as the turn of r from this pixel to its right and lower neighbours."""
+    lane = dr.arange(mi.UInt32, view.width * view.height)
+    turn = mi.Float(0)
+    for step in (1, view.width):
+        there = dr.minimum(lane + step, view.width * view.height - 1)
+        q, m = dr.gather(mi.Point3f, p, there), dr.gather(mi.Normal3f, n, there)
+        same = dr.gather(mi.Int32, reflector, there) == reflector
+        turned = dr.norm(optics.reflect(dr.normalize(eye - q), m) - r)
+        turn = dr.select(same, dr.maximum(turn, turned), turn)
+    return dr.maximum(dr.log2(dr.maximum(turn * (0.5 * resolution), 1)), 0)

@@ -1,0 +1,229 @@
+"""Image-space search: every vertex is moved to where the mirror shows it, and the moved triangles are drawn.
+
+Per reflector, its first points and normals are rendered from the eye into a texture. For every vertex V of the rest of the
+scene, a search climbs from texel to texel to the point R whose normal bisects the directions to V and to the eye; V is
+placed behind R, and the scene with these virtual vertices is rasterized where the mirror is seen.
+Paper: Estalella, Martin, Drettakis, Tost, "A GPU-driven algorithm for accurate interactive reflections on curved objects",
+EGSR 2006; sections 4 and 5.
+
+Assumes one reflection point per vertex, found on the reflector's closed stand-in. Fails where a vertex has several (concave
+and mixed mirrors: one is found, which one depends on the start), where triangles are long (the image of an edge is
+straight between its virtual end points), and shows no second bounce and not the reflector itself.
+
+Where we differ:
+* `placement = "mirror"` is the paper's: V mirrored in the plane at the best texel. It multiplies the error of the texel by
+  the mirror's curvature; "on_ray" puts V on the eye's ray through R, which keeps the error within the texel.
+* The printed equation (1), for hidden vertices, has the wrong sign: kernels.optics.mirrored.
+* `subtexel` goes on from the best texel to where half vector and normal agree between texels (one Gauss-Newton step).
+* `start = "pyramid"` lets a cold search begin with wide strides; the paper starts at the centre with single texels.
+* A vertex that starts on a texel that the reflector has left begins anew from the middle of the reflector's picture.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar, Literal
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from pydantic import Field
+
+from benchharness.api import Frame, Method, Reflection, Surface, Vertices, View
+from benchharness.kernels import geometry, optics, raster, search
+from benchharness.scene import Scene
+
+COLD = 0xFFFF_FFFF
+PYRAMID_STRIDE = 32  # texels; first stride of a cold search
+CUT_TURN = 0.05  # a cut: the view turned by more than this (radians) or the eye moved by more than this share of its distance
+
+UNKNOWN, REFLECTED, UNREFLECTED, HIDDEN = range(4)
+
+
+@dataclass
+class Options:
+    """The parameters that the kernels are compiled for."""
+
+    score: str
+    neighbourhood: str
+    placement: str
+    subtexel: bool
+    widening: float
+    inverse: str
+    pyramid: bool
+
+
+@dataclass
+class State:
+    """
+    triangles  the scene in object space; attributes: radiance, black for reflectors
+    points     the scene in world space
+    texels     per reflector and vertex, where its last search ended; COLD for none
+    view       the camera of the last frame
+    """
+
+    triangles: geometry.Geometry
+    points: mi.Float
+    background: mi.Color3f
+    shows: mi.Bool
+    objects: int
+    texels: list[mi.UInt32]
+    view: View | None
+
+
+@dataclass(frozen=True)
+class ImageSpaceSearch(Method):
+    """
+    score          "sq" compares half vector and normal by distance, "dot" by dot product as in the paper
+    neighbourhood  which texels are tried: the cross and then the diagonals, all eight, or the cross alone (gets stuck)
+    placement      where V goes: on the eye's ray through R, or its mirror image in the plane at R (the paper)
+    subtexel       refine R between texels
+    widening       the texture sees this much more than the picture in tan(fov / 2)
+    inverse        rule for hidden vertices: "lookup" mirrors V in the texel that V itself is seen in, "simple" in the
+                   texel where the search ended (the paper in practice), "full" searches (the paper)
+    start          cold search: "pyramid" halves the stride from 32 texels, "centre" takes single texels
+    warm           start where the last frame's search ended
+    max_iter       neighbourhoods after which a search gives up
+    """
+
+    score: Literal["sq", "dot"] = "sq"
+    neighbourhood: Literal["cross_then_diag", "full8", "cross_only"] = "cross_then_diag"
+    placement: Literal["on_ray", "mirror"] = "on_ray"
+    subtexel: bool = True
+    widening: Annotated[float, Field(ge=1, le=4)] = 1.25
+    inverse: Literal["lookup", "simple", "full"] = "lookup"
+    start: Literal["pyramid", "centre"] = "pyramid"
+    warm: bool = True
+    max_iter: Annotated[int, Field(ge=1)] = 4096
+
+    paper: ClassVar[str] = "Estalella et al. 2006"
+
+    def prepare(self, scene: Scene) -> State:
+        lit = [(o.mesh.vertices, o.mesh.radiance, o.mesh.faces) for o in scene.objects]
+        black = [(r.mesh.vertices, np.zeros_like(r.mesh.vertices), r.mesh.faces) for r in scene.reflectors]
+        triangles = geometry.upload(lit + black)
+        background = mi.Color3f(scene.background)
+        shows = mi.Bool(max(scene.background) > 0)
+        dr.make_opaque(background, shows)
+        return State(triangles, triangles.points, background, shows, len(lit), [], None)
+
+    def update(self, state: State, frame: Frame) -> State:
+        points = geometry.posed(state.triangles.points, state.triangles.vertex_count, frame.poses)
+        return replace(state, points=points)
+
+    def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
+        options = Options(
+            self.score, self.neighbourhood, self.placement, self.subtexel, self.widening, self.inverse, self.start == "pyramid"
+        )
+        warm = self.warm and state.view is not None
+        L, distance, found, texels, reports = mi.Color3f(0), mi.Float(0), mi.Bool(False), [], []
+        for i, proxy in enumerate(frame.proxies):
+            part = dr.opaque(mi.UInt32, state.objects + i)
+            last = state.texels[i] if warm else dr.full(mi.UInt32, COLD, state.triangles.vertex_count)
+            moved, ended, report = _search(
+                state.points, proxy, frame.poses, part, frame.view, state.view if warm else frame.view, last,
+                state.triangles.vertex_count, dr.opaque(mi.UInt32, self.max_iter), options,
+            )  # fmt: skip
+            own, length, covered = _draw(
+                moved, state.triangles, part, frame.view, frame.p, frame.reflector, dr.opaque(mi.Int32, i)
+            )
+            mine = frame.reflector == i
+            L, distance, found = dr.select(mine, own, L), dr.select(mine, length, distance), dr.select(mine, covered, found)
+            texels.append(ended)
+            reports.append(report)
+        # What no triangle covers is the surroundings if the scene has any, else unanswered.
+        open_sky = frame.active & ~found & state.shows
+        L = dr.select(open_sky, state.background, L)
+        distance = dr.select(open_sky, dr.inf, distance)
+        vertices = Vertices(**{name: dr.concat([r[name] for r in reports]) for name in reports[0] if name != "reads"})
+        counters = {"iterations": vertices.iterations, "texel_reads": dr.concat([r["reads"] for r in reports])}
+        reflection = Reflection(L, distance, found | open_sky, vertices, counters)
+        return reflection, replace(state, texels=texels, view=frame.view)
+
+
+@dr.freeze
+def _search(points, proxy: Surface, poses, part, view: View, last_view: View, last, count: int, max_iter, options: Options):
+    """Virtual vertices (x, y, z, kind: 0 none, 1 reflected, 2 hidden), end texels, and what is reported of each vertex."""
+    pose = [dr.gather(mi.Vector4f, poses, part * 3 + k) for k in range(3)]
+    camera = search.widened(view, options.widening)
+    texels = search.render(proxy, pose, camera)
+    cold_column, cold_row = search.middle(texels, proxy, pose, camera)
+
+    # Start: where the last search ended, unless the view was cut or the reflector is not there any more.
+    lane = dr.arange(mi.UInt32, count)
+    V = dr.gather(mi.Vector4f, points, lane)
+    active = mi.UInt32(V.w) != part
+    V = mi.Point3f(V.x, V.y, V.z)
+    column, row = mi.Int32(last % camera.width), mi.Int32(last // camera.width)
+    stays = (last != COLD) & ~_cut(view, last_view)
+    stays &= search.fetch(texels, camera, column, row, stays)[0]
+    column, row = dr.select(stays, column, cold_column), dr.select(stays, row, cold_row)
+    stride = dr.select(stays, 1, PYRAMID_STRIDE) if options.pyramid else mi.Int32(1)
+    column, row, best, iterations, reads, settled = search.climb(
+        options.score, options.neighbourhood, texels, camera, V, column, row, stride, active, max_iter
+    )
+
+    # The point: the best texel's, or between texels where half vector and normal agree.
+    covered, R, n = search.fetch(texels, camera, column, row, active)
+    difference, dc, dr_, _, _, pc, pr, nc, nr, complete = search.around(texels, camera, column, row, V, active)
+    x, y, certain = search.least_squares(difference, dc, dr_)
+    certain &= complete & settled
+    if options.subtexel:
+        R_, n_ = search.between(camera, R, n, pc, pr, nc, nr, column, row, x, y)
+        R, n = dr.select(complete, R_, R), dr.select(complete, n_, n)
+    residual = dr.norm(search.mismatch(R, n, camera.eye, V)[0])
+    in_front = dr.dot(V - R, n) > 0
+    reflected = active & covered & in_front
+    hidden = active & covered & ~in_front
+    converged = reflected & certain
+    valid = converged & (dr.dot(camera.eye - R, n) > 0)
+    edge = (column == 0) | (row == 0) | (column == camera.width - 1) | (row == camera.height - 1)
+
+    # The image: behind the point for what is reflected, in front of the mirror for what is hidden.
+    image = optics.on_ray(V, R, camera.eye) if options.placement == "on_ray" else optics.mirrored(V, R, n)
+    plane_R, plane_n = R, n
+    if options.inverse != "simple":
+        c, r, seen = search.texel_of(camera, V)
+        if options.inverse == "full":
+            c, r, *_ = search.climb("inverse", options.neighbourhood, texels, camera, V, c, r, mi.Int32(1), hidden & seen, max_iter)
+        seen, P, N = search.fetch(texels, camera, c, r, hidden & seen)
+        plane_R, plane_n = dr.select(seen, P, R), dr.select(seen, N, n)
+    image = dr.select(hidden, optics.mirrored(V, plane_R, plane_n), image)
+    kind = dr.select(reflected, mi.Float(1), dr.select(hidden, mi.Float(2), mi.Float(0)))
+    moved = dr.empty(mi.Float, 4 * count)
+    dr.scatter(moved, mi.Vector4f(image.x, image.y, image.z, kind), lane)
+
+    region = dr.select(reflected, mi.UInt32(REFLECTED), dr.select(hidden, mi.UInt32(HIDDEN), mi.UInt32(UNKNOWN)))
+    report = {
+        "R": R, "n": n, "virtual": image, "converged": converged, "valid": valid, "region": region,
+        "iterations": dr.select(active, iterations, 0), "residual": residual, "border": active & edge & ~certain, "reads": reads,
+    }  # fmt: skip
+    ended = dr.select(active & covered, mi.UInt32(row * camera.width + column), COLD)
+    return moved, ended, report
+
+
+def _cut(view: View, last: View) -> mi.Bool:
+    """Whether the camera jumped since the last frame: turned, or moved relative to the size of the step that warm starts bear."""
+    turned = dr.norm(dr.normalize(view.w.xyz) - dr.normalize(last.w.xyz)) > CUT_TURN
+    zoomed = dr.abs(dr.norm(view.right) / dr.norm(last.right) - 1) > 1e-6
+    return turned | zoomed | mi.Bool((view.width, view.height) != (last.width, last.height))
+
+
+@dr.freeze
+def _draw(moved, triangles: geometry.Geometry, part, view: View, p, reflector, layer):
+    """The virtual scene in one mirror: radiance, length of the reflected ray, coverage, one lane per pixel."""
+    lane = dr.arange(mi.UInt32, triangles.face_count)
+    face, corner = raster.corners(moved, triangles.faces, lane, mi.Bool(True))
+    kinds = [q.w for q in corner]
+    drawn = (face.w != part) & (kinds[0] > 0) & (kinds[1] > 0) & (kinds[2] > 0)
+    drawn &= (kinds[0] < 2) | (kinds[1] < 2) | (kinds[2] < 2)
+    for q in corner:
+        drawn &= dr.dot(view.w, mi.Vector4f(q.x, q.y, q.z, 1)) > view.near
+    visibility = raster.rasterize(
+        moved, triangles.faces, triangles.face_count, view, stencil=reflector, layer=layer, drawn=drawn
+    )
+    pixel = dr.arange(mi.UInt32, view.width * view.height)
+    hit, face, weights, q = raster.seen(moved, triangles.faces, visibility, view, pixel, reflector == layer)
+    value = raster.interpolate(triangles.attributes, face, weights, hit)
+    distance = dr.maximum(dr.norm(q - view.eye) - dr.norm(p - view.eye), 0)
+    return dr.select(hit, mi.Color3f(value.x, value.y, value.z), 0), dr.select(hit, distance, 0), hit
