@@ -13,7 +13,7 @@ import mitsuba as mi
 import numpy as np
 
 from benchharness.api import Frame, Surface, View
-from benchharness.kernels import geometry, raster
+from benchharness.kernels import geometry, optics, raster
 from benchharness.scene import Camera, Mesh, Scene
 
 
@@ -68,6 +68,9 @@ class FrameRenderer:
             self.surfaces[i] if r.closed is None else surface_of(r.closed) for i, r in enumerate(scene.reflectors)
         ]
         self.background = opaque(mi.Color3f, scene.background)
+        metals = [(r.eta, r.k) for r in scene.reflectors]
+        self.eta = [None if eta is None else opaque(mi.Color3f, eta) for eta, _ in metals]
+        self.k = [None if eta is None else opaque(mi.Color3f, k) for eta, k in metals]
         self._poses: np.ndarray | None = None
         self._world: tuple = ()
 
@@ -92,6 +95,10 @@ class FrameRenderer:
         frame = Frame(index, time, view, poses, reflector, active, pixels, p, n, v, radiance, self.surfaces, self.proxies)
         dr.eval(reflector, active, pixels, p, n, radiance)
         return frame
+
+    def compose(self, frame: Frame, L: mi.Color3f) -> mi.Color3f:
+        """The whole picture from what a method answered: mirrors show `L` times their reflectance."""
+        return composed(frame.radiance, L, frame.n, frame.v, frame.reflector, self.eta, self.k)
 
     def _posed(self, poses: np.ndarray) -> tuple[mi.Float, mi.Float, mi.Float]:
         if self._poses is None or (poses != self._poses).any():
@@ -131,3 +138,14 @@ def _first_hits(points, attributes, faces, background, view: View, face_count: i
     return reflector, dr.select(mirror, p, 0), mi.Normal3f(n), dr.select(mirror, 0, seen)
 
 
+
+
+@dr.freeze
+def composed(radiance: mi.Color3f, L: mi.Color3f, n: mi.Normal3f, v: mi.Vector3f, reflector: mi.Int32, eta: list, k: list):
+    """The picture: what is seen directly, and each reflector's reflectance times what it shows."""
+    image = mi.Color3f(radiance)
+    cos_theta = dr.clip(dr.abs(dr.dot(n, v)), 0, 1)
+    for i in range(len(eta)):
+        reflectance = optics.fresnel_conductor(cos_theta, eta[i], k[i]) if eta[i] is not None else mi.Color3f(1)
+        image = dr.select(reflector == i, reflectance * L, image)
+    return image

@@ -1,0 +1,286 @@
+"""Measures methods on one scene, frame by frame: three clocks, errors against the reference, and what vertices tell.
+
+A frame is measured at the end of a run-up: the method shades the frames just before it, cold at the first, so that what
+it carries from frame to frame is there, and so that the numbers do not depend on which frames were measured before.
+Rounds are interleaved over the methods, so that drift of the machine hits all alike.
+"""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from benchharness import metrics, reference, results, timing, truth
+from benchharness.api import Frame, Method, Reflection
+from benchharness.bake import bake
+from benchharness.frame import FrameRenderer
+from benchharness.scene import Scene, refined
+
+RUN_UP = 2  # frames shaded before the one that is measured; jitter is a second difference and needs both
+VERTEX_SAMPLE = 600  # vertices per reflector whose true reflection point is solved for
+WRONG_PX = 2.0  # further off than this is the wrong point, not an inaccurate one
+KERNEL_ROUNDS = 3
+
+
+@dataclass
+class _Entry:
+    """A method on this scene. `state` is what `prepare` returned; `broken` why it stopped."""
+
+    method: Method
+    state: Any = None
+    prepare_ms: float | None = None
+    first_ms: float | None = None
+    broken: str | None = None
+    before: Any = None
+    """State after the run-up and, if something moved, the update: what the measured frame is shaded from."""
+    shown: list[tuple[np.ndarray, Reflection]] = field(default_factory=list)
+    samples: dict[str, list[float]] = field(default_factory=dict)
+
+
+class Bench:
+    """One scene at one size. `out`: folder of the pictures of the next frame, None for none; see `benchharness.worker`."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        size: tuple[int, int],
+        options: reference.ReferenceOptions,
+        out: Path | None,
+        seed: int,
+        rounds: tuple[int, int],
+    ) -> None:
+        self.scene = refined(bake(scene, spp=options.bake_spp, seed=seed))
+        self.size, self.options, self.out, self.seed, self.rounds = size, options, out, seed, rounds
+        self.renderer = FrameRenderer(self.scene, *size)
+        self.entries: dict[str, _Entry] = {}
+
+    def run_frame(
+        self, index: int, methods: Mapping[str, Method], watch: Callable[[str], None]
+    ) -> tuple[list[dict], list[dict]]:
+        """Records and samples of one frame; see `benchharness.worker.Bench`."""
+        chain = run_up(index, self.scene.frames)
+        frames = [self.renderer.render(i) for i in chain]
+        references = [
+            reference.render(self.scene, self.scene.time(i), self.size, self.options, self.seed) for i in chain[-2:]
+        ]
+        entries = {name: self.entries.setdefault(name, _Entry(method)) for name, method in methods.items()}
+        for name, entry in entries.items():
+            with self._guarded(name, entry, watch):
+                self._run_up(entry, frames)
+        common = self._timed(entries, frames[-1], watch)
+        records = [{"entry": name, **self._record(entry, frames, references, common)} for name, entry in entries.items()]
+        if self.out is not None:
+            self._keep_pictures(index, entries, methods, references[-1])
+        return records, list(_samples(entries, common))
+
+    @contextmanager
+    def _guarded(self, name: str, entry: _Entry, watch: Callable[[str], None]) -> Iterator[None]:
+        """A method's exception ends that method on this scene and nothing else."""
+        watch(name)
+        try:
+            yield
+        except Exception as error:  # whatever a plugin may raise
+            traceback.print_exc()
+            entry.broken = f"{type(error).__name__}: {error}"
+        watch("")
+
+    def _run_up(self, entry: _Entry, frames: list[Frame]) -> None:
+        """Prepares where that is still to do, and shades the frames in order, the last one included."""
+        entry.shown, entry.samples = [], {"update": [], "shade": []}
+        if entry.broken is not None:
+            return
+        if entry.state is None:
+            entry.state, entry.prepare_ms = timing.timed(lambda: entry.method.prepare(self.scene))
+        state, _ = timing.timed(lambda: entry.method.update(entry.state, frames[0]))
+        for previous, frame in zip([None, *frames], frames, strict=False):
+            if previous is not None and self.scene.moves(previous.time, frame.time):
+                state, _ = timing.timed(lambda state=state, frame=frame: entry.method.update(state, frame))
+            entry.before = state
+            (reflection, state), ms = timing.timed(lambda state=state, frame=frame: entry.method.shade(state, frame))
+            entry.first_ms = ms if entry.first_ms is None else entry.first_ms
+            image = self._picture(self.renderer.compose(frame, reflection.L))
+            entry.shown.append((image, reflection))
+        timing.warm_up(lambda: _timed_part(entry.method.shade(entry.before, frames[-1])))
+
+    def _timed(self, entries: dict[str, _Entry], frame: Frame, watch: Callable[[str], None]) -> dict[str, list[float]]:
+        """Interleaved rounds of everything; what no method owns is returned: G-buffer, composite, calibration."""
+        common: dict[str, list[float]] = {"gbuffer": [], "composite": [], "calibration": []}
+        running = {name: entry for name, entry in entries.items() if entry.broken is None}
+        view = frame.view
+        for _ in range(3):
+            self.renderer.draw(frame.index, view)
+        least, most = self.rounds
+        for number in range(most):
+            common["calibration"].append(timing.calibration_ms())
+            common["gbuffer"].append(timing.timed(lambda: self.renderer.draw(frame.index, view).pixels)[1])
+            for name, entry in running.items():
+                if entry.broken is not None:
+                    continue
+                with self._guarded(name, entry, watch):
+                    self._round(entry, frame, number < least)
+            L = next((e.shown[-1][1].L for e in running.values() if e.broken is None), None)
+            if L is not None:
+                common["composite"].append(timing.timed(lambda L=L: self.renderer.compose(frame, L))[1])
+            if number + 1 >= least and all(e.broken or timing.settled(e.samples["shade"]) for e in running.values()):
+                break
+        for name, entry in running.items():
+            if entry.broken is None:
+                with self._guarded(name, entry, watch):
+                    histories = [
+                        timing.kernels_of(lambda entry=entry: _timed_part(entry.method.shade(entry.before, frame)))
+                        for _ in range(KERNEL_ROUNDS)
+                    ]
+                    entry.samples["kernel"] = [timing.kernel_ms(history) for history in histories]
+        return common
+
+    @staticmethod
+    def _round(entry: _Entry, frame: Frame, with_update: bool) -> None:
+        if with_update:
+            entry.samples["update"].append(timing.timed(lambda: entry.method.update(entry.before, frame))[1])
+        shaded = timing.timed(lambda: _timed_part(entry.method.shade(entry.before, frame)))
+        entry.samples["shade"].append(shaded[1])
+
+    def _picture(self, image: Any) -> np.ndarray:
+        return np.array(image, np.float32).T.reshape(self.size[1], self.size[0], 3)
+
+    def _record(self, entry: _Entry, frames: list[Frame], references: list, common: dict[str, list[float]]) -> dict:
+        """The measured columns of one row."""
+        facts = {
+            "reflector_px": len(frames[-1].pixels),
+            "reference_spp": references[-1].spp,
+            "reference_noise": metrics.noise(references[-1], self.scene.exposure),
+            "calibration_ms": float(np.median(common["calibration"])),
+        }
+        if entry.broken is not None:
+            return {"status": "crashed", "reason": entry.broken, **facts}
+        record = {"status": "ok", **facts, **self._clocks(entry, frames, common), **self._errors(entry, frames, references)}
+        record["counters"] = results.params_text(
+            {name: int(np.array(count, np.int64).sum()) for name, count in entry.shown[-1][1].counters.items()}
+        )
+        if record["nonfinite_px"]:
+            record |= {"status": "invalid", "reason": f"{record['nonfinite_px']} pixels are NaN, infinite or negative"}
+        return record
+
+    def _clocks(self, entry: _Entry, frames: list[Frame], common: dict[str, list[float]]) -> dict:
+        shade_ms, low, high = timing.median_interval(entry.samples["shade"])
+        update_ms, gbuffer_ms = float(np.median(entry.samples["update"])), float(np.median(common["gbuffer"]))
+        moves = len(frames) > 1 and self.scene.moves(frames[-2].time, frames[-1].time)
+        return {
+            "prepare_ms": entry.prepare_ms,
+            "update_ms": update_ms,
+            "shade_ms": shade_ms,
+            "shade_ms_lo": low,
+            "shade_ms_hi": high,
+            "kernel_ms": float(np.median(entry.samples["kernel"])),
+            "first_ms": entry.first_ms,
+            "gbuffer_ms": gbuffer_ms,
+            "frame_ms": gbuffer_ms + moves * update_ms + shade_ms + float(np.median(common["composite"])),
+        }
+
+    def _errors(self, entry: _Entry, frames: list[Frame], references: list) -> dict:
+        image, reflection = entry.shown[-1]
+        truth_ = references[-1]
+        shape = truth_.mask.shape
+        mask = truth_.mask & np.array(frames[-1].active).reshape(shape)
+        found = np.broadcast_to(np.array(reflection.found), mask.size).reshape(shape)
+        distance = np.broadcast_to(np.array(reflection.distance), mask.size).reshape(shape)
+        record: dict[str, Any] = metrics.evaluate(
+            image, truth_.image, mask, ppd=self.scene.ppd, exposure=self.scene.exposure, found=found
+        )
+        record["distance_err"] = metrics.distance_error(distance, truth_.distance, mask & found)
+        record["nonfinite_px"] += int((np.isnan(distance) & mask & found).sum())
+        if len(references) > 1:
+            both = mask & references[0].mask & np.array(frames[-2].active).reshape(shape)
+            pictures = (entry.shown[-2][0], image, references[0].image, truth_.image)
+            record["temporal_diff"] = metrics.temporal_diff(*pictures, both)
+        if reflection.vertices is not None:
+            record |= self._vertices(entry, frames)
+        return record
+
+    def _vertices(self, entry: _Entry, frames: list[Frame]) -> dict:
+        """What the reflection points found are worth: screen distances to the true ones, of a sample of vertices."""
+        found = entry.shown[-1][1].vertices
+        assert found is not None
+        count = self.scene.vertices
+        iterations = np.array(found.iterations)
+        searched = iterations > 0
+        converged, region = np.array(found.converged), np.array(found.region)
+        record: dict[str, Any] = {
+            "iterations_mean": float(iterations[searched].mean()) if searched.any() else None,
+            "iterations_max": int(iterations.max()) if searched.any() else None,
+            "converged_ratio": float(converged[region == 1].mean()) if (region == 1).any() else None,
+        }
+        off, errors = [], []
+        for number in range(len(self.scene.reflectors)):
+            here = np.flatnonzero(converged[number * count : (number + 1) * count])
+            if not len(here):
+                continue
+            sample = here[:: max(1, len(here) // VERTEX_SAMPLE)]
+            tracks = [self._off(f, shown[1], number, sample) for f, shown in zip(frames, entry.shown, strict=True)]
+            off.append(tracks[-1][0])
+            errors.append(np.stack([track[1] for track in tracks]))
+        if off:
+            distance = np.concatenate(off)
+            known = distance[np.isfinite(distance)]
+            record["residual_px"] = float(np.median(known)) if len(known) else None
+            record["wrong_ratio"] = float((known > WRONG_PX).mean()) if len(known) else None
+            if len(frames) == RUN_UP + 1:
+                record["jitter_px"] = metrics.jitter_px(np.concatenate(errors, axis=1))
+        return record
+
+    def _off(self, frame: Frame, reflection: Reflection, number: int, sample: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Pixels between found and true R [N], and V' on the screen less the true one's [N, 2]; NaN where none is known."""
+        reflector, camera = self.scene.reflectors[number], self.scene.camera(frame.time)
+        mesh = (reflector.closed or reflector.mesh).transformed(reflector.pose(frame.time))
+        V = np.concatenate([p.mesh.transformed(p.pose(frame.time)).vertices for p in self.scene.parts])[sample]
+        lanes = number * self.scene.vertices + sample
+        assert reflection.vertices is not None
+        R = np.array(reflection.vertices.R, np.float64).T[lanes]
+        virtual = np.array(reflection.vertices.virtual, np.float64).T[lanes]
+        usable = np.array(reflection.vertices.converged)[lanes]
+        points, valid = truth.reflection_points(mesh.vertices, mesh.normals, mesh.faces, camera.eye, V, R)
+        true = truth.nearest(points, valid & usable[:, None], R)
+        seen = [truth.on_screen(p, camera, *self.size) for p in (R, true, virtual, truth.image_of(V, true, np.asarray(camera.eye)))]
+        return np.linalg.norm(seen[0] - seen[1], axis=1), seen[2] - seen[3]
+
+    def _keep_pictures(self, index: int, entries: dict[str, _Entry], methods: Mapping[str, Method], truth_: Any) -> None:
+        """The reference, every method's picture and its error map, as PNG."""
+        assert self.out is not None
+        self.out.mkdir(parents=True, exist_ok=True)
+        scene, exposure = self.scene, self.scene.exposure
+        names = (scene.name, scene.detail, index)
+        metrics.save_png(self.out / results.image_name(*names, "reference"), metrics.tonemap(truth_.image, exposure))
+        for name, entry in entries.items():
+            if entry.broken is None:
+                method, _, params = name.partition("(")
+                image = entry.shown[-1][0]
+                error = metrics.flip_map(image, truth_.image, truth_.mask, ppd=scene.ppd, exposure=exposure)
+                for kind, pixels in (("image", metrics.tonemap(image, exposure)), ("error", metrics.error_picture(error))):
+                    metrics.save_png(self.out / results.image_name(*names, kind, method, params), pixels)
+
+
+def run_up(index: int, frames: int) -> list[int]:
+    """Frames to shade in order, `index` last: those just before it, or, at the start of the animation, those just after."""
+    if index >= RUN_UP:
+        return [index - 2, index - 1, index]
+    return [i for i in (index + 2, index + 1) if i < frames] + [index]
+
+
+def _timed_part(shaded: tuple[Reflection, Any]) -> tuple:
+    """What a frame needs of `shade`: the picture and the state that the next frame starts from."""
+    reflection, state = shaded
+    return reflection.L, reflection.distance, reflection.found, state
+
+
+def _samples(entries: dict[str, _Entry], common: dict[str, list[float]]) -> Iterator[dict]:
+    owned = [("", common), *((name, entry.samples) for name, entry in entries.items())]
+    for name, clocks in owned:
+        for clock, values in clocks.items():
+            yield from ({"entry": name, "clock": clock, "round": i, "ms": ms} for i, ms in enumerate(values))

@@ -1,0 +1,87 @@
+"""Where the reflection point really is: float64 NumPy on the reflector's own triangles, sharing nothing with the methods.
+
+On a triangle with corners p_k and normals n_k, the point P = Σ b_k p_k reflects V to the eye where the tangential part of
+the half vector vanishes with respect to the interpolated normal N = Σ b_k n_k: two equations for two barycentric
+coordinates, solved by Newton's method with numerical derivatives. A vertex may have several such points.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchharness.scene import Camera
+
+STEPS = 12
+INSIDE = 1e-6  # barycentric tolerance: a point on an edge belongs to both triangles
+
+
+def _unit(v: np.ndarray) -> np.ndarray:
+    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-300)
+
+
+def _mismatch(b: np.ndarray, p: np.ndarray, n: np.ndarray, eye: np.ndarray, V: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Half vector minus normal, seen along two tangents [..., 2], with point and normal; b [..., 2], p and n [..., 3, 3]."""
+    weights = np.concatenate([1 - b.sum(axis=-1, keepdims=True), b], axis=-1)[..., None]
+    P, N = (weights * p).sum(axis=-2), _unit((weights * n).sum(axis=-2))
+    h = _unit(_unit(eye - P) + _unit(V - P))
+    s = _unit(p[..., 1, :] - p[..., 0, :])
+    t = np.cross(_unit(np.cross(p[..., 1, :] - p[..., 0, :], p[..., 2, :] - p[..., 0, :])), s)
+    f = h - N
+    return np.stack([(f * s).sum(-1), (f * t).sum(-1)], axis=-1), P, N
+
+
+def reflection_points(
+    vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, eye: np.ndarray, V: np.ndarray, near: np.ndarray, candidates: int = 24
+) -> tuple[np.ndarray, np.ndarray]:
+    """Reflection points of V [N, 3], on the triangles around each `near` [N, 3] and around the best mesh vertex.
+
+    vertices, normals [M, 3], faces [F, 3]: the reflector in world space.
+    Returns (R [N, K, 3], valid [N, K]): points, and which of the K candidates are reflection points.
+    """
+    eye, V, near = np.asarray(eye, np.float64), np.asarray(V, np.float64), np.asarray(near, np.float64)
+    centre = vertices[faces].mean(axis=1)
+    facing = ((eye - centre) * _unit(normals[faces].sum(axis=1))).sum(axis=1) > 0
+    centre_n = _unit(normals[faces].sum(axis=1))
+    chosen = np.empty((len(V), 2 * candidates), np.int64)
+    for i in range(len(V)):
+        h = _unit(_unit(eye - centre) + _unit(V[i] - centre))
+        off = np.where(facing, ((h - centre_n) ** 2).sum(axis=1), np.inf)
+        away = ((centre - near[i]) ** 2).sum(axis=1)
+        chosen[i, :candidates] = np.argpartition(off, candidates)[:candidates]
+        chosen[i, candidates:] = np.argpartition(away, candidates)[:candidates]
+    p, n = vertices[faces[chosen]], normals[faces[chosen]]
+    V_ = V[:, None, :]
+    b = np.full((*chosen.shape, 2), 1 / 3)
+    h = 1e-6
+    for _ in range(STEPS):
+        f, *_ = _mismatch(b, p, n, eye, V_)
+        J = np.stack([(_mismatch(b + h * np.eye(2)[k], p, n, eye, V_)[0] - f) / h for k in (0, 1)], axis=-1)
+        det = J[..., 0, 0] * J[..., 1, 1] - J[..., 0, 1] * J[..., 1, 0]
+        det = np.where(np.abs(det) < 1e-12, np.inf, det)
+        step = np.stack([J[..., 1, 1] * f[..., 0] - J[..., 0, 1] * f[..., 1], J[..., 0, 0] * f[..., 1] - J[..., 1, 0] * f[..., 0]], axis=-1)
+        b = np.clip(b - np.clip(step / det[..., None], -2, 2), -4, 4)
+    f, P, N = _mismatch(b, p, n, eye, V_)
+    inside = (b >= -INSIDE).all(axis=-1) & (b.sum(axis=-1) <= 1 + INSIDE)
+    valid = inside & (np.abs(f).max(axis=-1) < 1e-7) & ((eye - P) * N).sum(-1).__gt__(0) & ((V_ - P) * N).sum(-1).__gt__(0)
+    return P, valid
+
+
+def on_screen(points: np.ndarray, camera: Camera, width: int, height: int) -> np.ndarray:
+    """Pixel coordinates [..., 2] of points [..., 3]; NaN behind the eye."""
+    q = points @ camera.world_to_screen(width, height)[:, :3].T + camera.world_to_screen(width, height)[:, 3]
+    w = np.where(q[..., 2:] > 0, q[..., 2:], np.nan)
+    return q[..., :2] / w
+
+
+def nearest(points: np.ndarray, valid: np.ndarray, found: np.ndarray) -> np.ndarray:
+    """Of each row's valid points the one nearest to `found` [N, 3]; NaN where there is none."""
+    distance = np.where(valid, ((points - found[:, None]) ** 2).sum(axis=-1), np.inf)
+    best = distance.argmin(axis=1)
+    chosen = points[np.arange(len(points)), best]
+    return np.where(np.isfinite(distance.min(axis=1))[:, None], chosen, np.nan)
+
+
+def image_of(V: np.ndarray, R: np.ndarray, eye: np.ndarray) -> np.ndarray:
+    """The virtual image of V behind R on the eye's ray, [N, 3]."""
+    away = np.linalg.norm(V - R, axis=-1, keepdims=True) + np.linalg.norm(R - eye, axis=-1, keepdims=True)
+    return eye + away * _unit(R - eye)
