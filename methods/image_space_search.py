@@ -159,25 +159,10 @@ def _search(points, proxy: Surface, poses, part, view: View, last_view: View, la
     stays &= search.fetch(texels, camera, column, row, stays)[0]
     column, row = dr.select(stays, column, cold_column), dr.select(stays, row, cold_row)
     stride = dr.select(stays, 1, PYRAMID_STRIDE) if options.pyramid else mi.Int32(1)
-    column, row, best, iterations, reads, settled = search.climb(
-        options.score, options.neighbourhood, texels, camera, V, column, row, stride, active, max_iter
+    found = search.find(
+        options.score, options.neighbourhood, options.subtexel, texels, camera, V, column, row, stride, active, max_iter
     )
-
-    # The point: the best texel's, or between texels where half vector and normal agree.
-    covered, R, n = search.fetch(texels, camera, column, row, active)
-    difference, dc, dr_, _, _, pc, pr, nc, nr, complete = search.around(texels, camera, column, row, V, active)
-    x, y, certain = search.least_squares(difference, dc, dr_)
-    certain &= complete & settled
-    if options.subtexel:
-        R_, n_ = search.between(camera, R, n, pc, pr, nc, nr, column, row, x, y)
-        R, n = dr.select(complete, R_, R), dr.select(complete, n_, n)
-    residual = dr.norm(search.mismatch(R, n, camera.eye, V)[0])
-    in_front = dr.dot(V - R, n) > 0
-    reflected = active & covered & in_front
-    hidden = active & covered & ~in_front
-    converged = reflected & certain
-    valid = converged & (dr.dot(camera.eye - R, n) > 0)
-    edge = (column == 0) | (row == 0) | (column == camera.width - 1) | (row == camera.height - 1)
+    R, n, reflected, hidden = found.R, found.n, found.reflected, found.hidden
 
     # The image: behind the point for what is reflected, in front of the mirror for what is hidden.
     image = optics.on_ray(V, R, camera.eye) if options.placement == "on_ray" else optics.mirrored(V, R, n)
@@ -195,10 +180,10 @@ def _search(points, proxy: Surface, poses, part, view: View, last_view: View, la
 
     region = dr.select(reflected, mi.UInt32(REFLECTED), dr.select(hidden, mi.UInt32(HIDDEN), mi.UInt32(UNKNOWN)))
     report = {
-        "R": R, "n": n, "virtual": image, "converged": converged, "valid": valid, "region": region,
-        "iterations": dr.select(active, iterations, 0), "residual": residual, "border": active & edge & ~certain, "reads": reads,
+        "R": R, "n": n, "virtual": image, "converged": found.converged, "valid": found.valid, "region": region,
+        "iterations": found.iterations, "residual": found.residual, "border": found.border, "reads": found.reads,
     }  # fmt: skip
-    ended = dr.select(active & covered, mi.UInt32(row * camera.width + column), COLD)
+    ended = dr.select(reflected | hidden, mi.UInt32(found.row * camera.width + found.column), COLD)
     return moved, ended, report
 
 

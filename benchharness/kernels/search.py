@@ -216,3 +216,66 @@ def between(view, p, n, p_column, p_row, n_column, n_row, column, row, x, y) -> 
     depth = dr.dot(view.w, mi.Vector4f(q.x, q.y, q.z, 1.0))
     direction = view.axis + (mi.Float(column) + x + 0.5) * view.right + (mi.Float(row) + y + 0.5) * view.down
     return view.eye + depth * direction, mi.Normal3f(dr.normalize(mi.Vector3f(n) + x * n_column + y * n_row))
+
+
+@dataclasses.dataclass
+class Found:
+    """What a search ended with, one lane per vertex.
+
+    column, row  the best texel
+    R, n         the reflection point and its unit normal, of that texel or refined between texels
+    reflected    V lies in front of the plane at R: region A
+    hidden       it does not: region C, which no reflection point shows
+    converged    reflected, and half vector and normal agree within what one texel changes
+    valid        converged, and the normal is turned to the eye
+    border       the search was stopped by the edge of the texture
+    residual     |half vector - normal| at R
+    iterations   neighbourhoods examined; reads: texels evaluated while climbing; 0 for inactive lanes
+    """
+
+    column: mi.Int32
+    row: mi.Int32
+    R: mi.Point3f
+    n: mi.Normal3f
+    reflected: mi.Bool
+    hidden: mi.Bool
+    converged: mi.Bool
+    valid: mi.Bool
+    border: mi.Bool
+    residual: mi.Float
+    iterations: mi.UInt32
+    reads: mi.UInt32
+
+
+def find(kind, neighbourhood, subtexel: bool, texels, view, vertex, column, row, stride, active, max_iter) -> Found:
+    """The reflection point of each vertex: climb from (column, row), then look around the texel where that ended."""
+    column, row, _, iterations, reads, settled = climb(
+        kind, neighbourhood, texels, view, vertex, column, row, stride, active, max_iter
+    )
+    difference, d_column, d_row, R, n, p_column, p_row, n_column, n_row, complete = around(
+        texels, view, column, row, vertex, active
+    )
+    covered = fetch(texels, view, column, row, active)[0]
+    x, y, explained = least_squares(difference, d_column, d_row)
+    certain = explained & complete & settled
+    if subtexel:
+        refined = between(view, R, n, p_column, p_row, n_column, n_row, column, row, x, y)
+        R, n = dr.select(complete, refined[0], R), dr.select(complete, refined[1], n)
+    in_front = dr.dot(vertex - R, n) > 0
+    reflected = active & covered & in_front
+    edge = (column == 0) | (row == 0) | (column == view.width - 1) | (row == view.height - 1)
+    converged = reflected & certain
+    return Found(
+        column=column,
+        row=row,
+        R=R,
+        n=n,
+        reflected=reflected,
+        hidden=active & covered & ~in_front,
+        converged=converged,
+        valid=converged & (dr.dot(view.eye - R, n) > 0),
+        border=active & edge & ~certain,
+        residual=dr.norm(mismatch(R, n, view.eye, vertex)[0]),
+        iterations=dr.select(active, iterations, 0),
+        reads=reads,
+    )

@@ -1,0 +1,3 @@
+from benchharness import platform
+
+platform.use_variant("llvm_ad_rgb")
