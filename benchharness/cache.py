@@ -83,7 +83,7 @@ def cached(kind: str, key: str, compute: Callable[[], Arrays]) -> Arrays:
     path = cache_folder() / kind / f"{key}.npz"
     if path.exists():
         try:
-            with np.load(path, allow_pickle=False) as entry:
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as entry:
                 return {name: entry[name] for name in entry.files}
         except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
             log.warning("cache: cannot read %s (%s); computing it again", path, error)

@@ -8,13 +8,16 @@
              zero rather than a black diffuse one, which keeps the path integrator from sampling emitters: without that
              the picture has no noise at all.
 "transport"  Objects are diffuse on both sides (`Mesh.albedo`, vertex normals) and emit where their author said so.
-             Mitsuba samples an emitter only if its radiance is constant (for a `mesh_attribute` it takes the light to be
-             sampled and finds none, an error of a factor, silently), so a mesh is split: faces of one emission become one
-             emitter each, and faces over which emission varies become an emitter that is found by chance only.
+             Mitsuba can sample an emitter of constant radiance only: from one of a `mesh_attribute` most of the light
+             is lost, silently. So a mesh is split: faces of one emission become one emitter each, and faces over which
+             emission varies become one of `sampling_weight` 0, which paths find by chance.
 
 In both, reflectors are smooth conductors with vertex normals, mirrors on both sides, so that the inside of an open one
 is not black; they use their open mesh. The background is a constant environment. Radiance is linear RGB, as is.
 """
+
+# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false
+# The type stubs of Mitsuba and Dr.Jit know neither NumPy arguments nor points and vectors in one expression.
 
 from __future__ import annotations
 
@@ -78,7 +81,8 @@ def _rgb(value) -> dict:
 
 def _conductor(reflector: Reflector) -> mi.BSDF:
     if (reflector.eta is None) != (reflector.k is None):
-        raise ValueError(f"reflector {reflector.name}: eta is {reflector.eta}, k is {reflector.k}; accepted: both or none")
+        given = f"eta is {reflector.eta}, k is {reflector.k}"
+        raise ValueError(f"reflector {reflector.name}: {given}; accepted: both or none")
     metal = {"material": "none"} if reflector.eta is None else {"eta": _rgb(reflector.eta), "k": _rgb(reflector.k)}
     return mi.load_dict({"type": "twosided", "bsdf": {"type": "conductor", **metal}})
 
@@ -108,7 +112,7 @@ def _lit(name: str, mesh: Mesh, chosen: np.ndarray, mark: np.ndarray, emission: 
     piece = Mesh(
         vertices=mesh.vertices[used],
         faces=faces.reshape(-1, 3),
-        normals=mesh.normals[used],  # pyright: ignore[reportOptionalSubscript]
+        normals=np.asarray(mesh.normals)[used],
         albedo=np.asarray(mesh.albedo)[used],
         emission=np.asarray(mesh.emission)[used],
     )

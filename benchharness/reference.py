@@ -9,6 +9,9 @@ that mirror again and costs a bounce.
 The near plane is not applied; nothing of a scene should come that close.
 """
 
+# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false
+# The type stubs of Mitsuba and Dr.Jit know neither NumPy arguments nor points and vectors in one expression.
+
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
@@ -46,7 +49,7 @@ class ReferenceOptions:
     filter: str = "center"
     spp: int = 64
     max_depth: int | None = None
-    bake_spp: int = 256
+    bake_spp: int = 512
 
     def __post_init__(self) -> None:
         for name, accepted in (("lighting", mitsuba_scene.LIGHTINGS), ("filter", FILTERS)):
@@ -76,7 +79,7 @@ class Reference:
     variance  float32 [H, W, 3] of the mean that `image` is
     mask      bool [H, W]: a reflector is what the ray through the pixel's centre meets first
     reflector int32 [H, W]: which one, -1 where none
-    distance  float32 [H, W] metres from there to what the reflected ray meets; inf for the surroundings, NaN off the mask
+    distance  float32 [H, W] metres from there to what the reflected ray meets; inf: the surroundings, NaN: off the mask
     spp       rays per pixel that were traced
     """
 
@@ -194,5 +197,5 @@ def _geometry(world: mi.Scene, camera: Camera, width: int, height: int) -> tuple
     number = dr.select(valid, mi.Int32(si.shape.eval_attribute_1("face_mark", si, valid)), -1)
     n = si.sh_frame.n
     mirrored = si.spawn_ray(ray.d - 2 * dr.dot(ray.d, n) * n)
-    t = world.ray_intersect_preliminary(mirrored, active=number >= 0).t
+    t = world.ray_intersect_preliminary(mirrored, active=number >= 0).t + dr.dot(mirrored.o - si.p, mirrored.d)
     return np.array(number, np.int32), np.array(dr.select(number >= 0, t, dr.nan), np.float32)

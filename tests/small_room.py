@@ -23,10 +23,14 @@ def box(low, high, inside: bool = False, **look) -> Mesh:
         v[(axis + 2) % 3] = (high - low)[(axis + 2) % 3]
         top = low.copy()
         top[axis] = high[axis]
-        sides += [quad(top, v, u, **look), quad(low, u, v, **look)] if inside else [
-            quad(top, u, v, **look),
-            quad(low, v, u, **look),
-        ]
+        sides += (
+            [quad(top, v, u, **look), quad(low, u, v, **look)]
+            if inside
+            else [
+                quad(top, u, v, **look),
+                quad(low, v, u, **look),
+            ]
+        )
     return merged(*sides)
 
 
