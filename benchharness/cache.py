@@ -1,0 +1,109 @@
+"""The cache: arrays that are expensive to make, filed under a hash of everything they were made from.
+
+An entry is one .npz file, `<folder>/<kind>/<key>.npz`. The folder is the user's cache folder of the platform, or what
+the environment variable BENCHHARNESS_CACHE names. An entry is written under a temporary name and then renamed, so that
+a crash leaves either the whole entry or none. An entry that cannot be read is made again, with a warning in the log.
+Entries never expire: the key changes when anything that matters does, the source code that makes them included.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import os
+import struct
+import tempfile
+import zipfile
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import platformdirs
+
+log = logging.getLogger("benchharness")
+
+Arrays = dict[str, np.ndarray]
+
+
+def cache_folder() -> Path:
+    """Where entries live; not necessarily there yet."""
+    named = os.environ.get("BENCHHARNESS_CACHE")
+    return Path(named).expanduser() if named else Path(platformdirs.user_cache_dir("benchharness"))
+
+
+def content_hash(*content) -> str:
+    """Hex digest of arrays, numbers, strings, bytes, None, and (nested) sequences and dicts of them.
+
+    Types and shapes count: 1, 1.0, True, "1" and [1] differ. Raises TypeError for anything else.
+    """
+    digest = hashlib.sha256()
+    _feed(digest, content)
+    return digest.hexdigest()[:40]
+
+
+def _feed(digest, value) -> None:
+    def item(tag: str, data: bytes) -> None:
+        digest.update(tag.encode() + struct.pack("<q", len(data)) + data)
+
+    match value:
+        case None:
+            item("none", b"")
+        case bool() | np.bool_():
+            item("bool", bytes([bool(value)]))
+        case int() | np.integer():
+            item("int", str(int(value)).encode())
+        case float() | np.floating():
+            item("float", struct.pack("<d", float(value)))
+        case str():
+            item("str", value.encode())
+        case bytes():
+            item("bytes", value)
+        case np.ndarray() if not value.dtype.hasobject:
+            item(f"array {value.dtype.str} {value.shape}", np.ascontiguousarray(value).tobytes())
+        case tuple() | list():
+            item("sequence", struct.pack("<q", len(value)))
+            for element in value:
+                _feed(digest, element)
+        case dict():
+            item("dict", struct.pack("<q", len(value)))
+            for key in sorted(value):
+                _feed(digest, (key, value[key]))
+        case _:
+            raise TypeError(f"content_hash: cannot hash a {type(value).__name__}; accepted: arrays, numbers, text")
+
+
+def source_hash(*files: str) -> str:
+    """Hash of the text of source files: goes into keys, so that an entry does not outlive the code that made it."""
+    return content_hash(*[Path(file).read_bytes() for file in files])
+
+
+def cached(kind: str, key: str, compute: Callable[[], Arrays]) -> Arrays:
+    """The arrays filed under `kind` and `key`; made by `compute` and filed where there are none yet."""
+    path = cache_folder() / kind / f"{key}.npz"
+    if path.exists():
+        try:
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as entry:
+                return {name: entry[name] for name in entry.files}
+        except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
+            log.warning("cache: cannot read %s (%s); computing it again", path, error)
+    arrays = compute()
+    try:
+        _write(path, arrays)
+    except OSError as error:
+        log.warning("cache: cannot write %s (%s); set BENCHHARNESS_CACHE to a folder that can be written", path, error)
+    return arrays
+
+
+def _write(path: Path, arrays: Arrays) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.stem[:8], suffix=".tmp")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            np.savez(file, **arrays)  # pyright: ignore[reportArgumentType]
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise

@@ -1,0 +1,153 @@
+"""Our scene at one moment as a Mitsuba scene: the one place where the two meet.
+
+`lighting` says what surfaces do:
+
+"baked"      Every object emits its baked radiance (`Mesh.radiance`, interpolated over the triangle) and scatters
+             nothing. Mitsuba's area emitters shine to the front of the shading frame only, so objects carry face
+             normals here: what is lit does not depend on vertex normals. The material is a conductor of reflectance
+             zero rather than a black diffuse one, which keeps the path integrator from sampling emitters: without that
+             the picture has no noise at all.
+"transport"  Objects are diffuse on both sides (`Mesh.albedo`, vertex normals) and emit where their author said so.
+             Mitsuba can sample an emitter of constant radiance only: from one of a `mesh_attribute` most of the light
+             is lost, silently. So a mesh is split: faces of one emission become one emitter each, and faces over which
+             emission varies become one of `sampling_weight` 0, which paths find by chance.
+
+In both, reflectors are smooth conductors with vertex normals, mirrors on both sides, so that the inside of an open one
+is not black; they use their open mesh. The background is a constant environment. Radiance is linear RGB, as is.
+"""
+
+# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false
+# The type stubs of Mitsuba and Dr.Jit know neither NumPy arguments nor points and vectors in one expression.
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import mitsuba as mi
+import numpy as np
+
+from benchharness.scene import Mesh, Reflector, Scene
+
+LIGHTINGS = ("baked", "transport")
+
+
+def mitsuba_scene(scene: Scene, time: float, lighting: str, marks: Sequence[np.ndarray] | None = None) -> mi.Scene:
+    """The scene at `time` seconds; `lighting` is "baked" or "transport".
+
+    marks   per part of `scene.parts` a float [F]: given to Mitsuba as the attribute `face_mark` of that part's faces
+
+    Raises ValueError for another lighting, and for "baked" where an object has no radiance.
+    """
+    if lighting not in LIGHTINGS:
+        raise ValueError(f"lighting is {lighting!r}; accepted: {', '.join(LIGHTINGS)}")
+    marks = [np.zeros(len(part.mesh.faces)) for part in scene.parts] if marks is None else marks
+    shapes: list[mi.Mesh] = []
+    sampled = bool(np.any(scene.background))
+    for part, mark in zip(scene.parts, marks, strict=True):
+        mesh = part.mesh.transformed(part.pose(time))
+        if isinstance(part, Reflector):
+            shapes.append(_mesh(part.name, mesh, mark, bsdf=_conductor(part)))
+        elif lighting == "baked":
+            shapes.append(_baked(part.name, mesh, mark))
+        else:
+            for chosen, emission in _by_emission(mesh):
+                shapes.append(_lit(part.name, mesh, chosen, mark, emission))
+                sampled |= emission is not None and bool(emission.any())
+    content: dict = {f"shape_{i:04d}": shape for i, shape in enumerate(shapes)}
+
+    # Mitsuba wants something to sample where there are emitters: a black environment stands in.
+    emits = any(shape.is_emitter() for shape in shapes)
+    if np.any(scene.background) or (lighting == "transport" and emits and not sampled):
+        content["background"] = {"type": "constant", "radiance": _rgb(scene.background)}
+    return mi.load_dict({"type": "scene", **content})
+
+
+def fingerprint(scene: Scene, time: float, lighting: str) -> list:
+    """All that `mitsuba_scene` reads of a scene, for content hashes."""
+    content: list = [lighting, tuple(map(float, scene.background))]
+    for part in scene.parts:
+        mesh = part.mesh
+        content += [part.pose(time), mesh.vertices, mesh.faces, mesh.normals]
+        if isinstance(part, Reflector):
+            content += ["reflector", part.eta, part.k]
+        else:
+            content += [mesh.radiance] if lighting == "baked" else [mesh.albedo, mesh.emission]
+    return content
+
+
+def _rgb(value) -> dict:
+    return {"type": "rgb", "value": [float(channel) for channel in value]}
+
+
+def _conductor(reflector: Reflector) -> mi.BSDF:
+    if (reflector.eta is None) != (reflector.k is None):
+        given = f"eta is {reflector.eta}, k is {reflector.k}"
+        raise ValueError(f"reflector {reflector.name}: {given}; accepted: both or none")
+    metal = {"material": "none"} if reflector.eta is None else {"eta": _rgb(reflector.eta), "k": _rgb(reflector.k)}
+    return mi.load_dict({"type": "twosided", "bsdf": {"type": "conductor", **metal}})
+
+
+def _baked(name: str, mesh: Mesh, mark: np.ndarray) -> mi.Mesh:
+    if mesh.radiance is None:
+        raise ValueError(f"object {name} has no radiance; accepted with baked lighting: a scene that `bake` returned")
+    black = mi.load_dict({"type": "conductor", "specular_reflectance": _rgb((0, 0, 0))})
+    emitter = mi.load_dict({"type": "area", "radiance": {"type": "mesh_attribute", "name": "vertex_radiance"}})
+    shape = _mesh(name, mesh, mark, bsdf=black, emitter=emitter, face_normals=True)
+    shape.add_attribute("vertex_radiance", 3, np.float32(mesh.radiance).ravel())
+    return shape
+
+
+def _lit(name: str, mesh: Mesh, chosen: np.ndarray, mark: np.ndarray, emission: np.ndarray | None) -> mi.Mesh:
+    """Faces `chosen` as a diffuse surface with one emission [3], or with what varies over its faces for None."""
+    albedo = {"type": "mesh_attribute", "name": "vertex_albedo"}
+    parts: dict = {
+        "bsdf": mi.load_dict({"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": albedo}}),
+    }
+    if emission is None:
+        varying = {"type": "mesh_attribute", "name": "vertex_emission"}
+        parts["emitter"] = mi.load_dict({"type": "area", "radiance": varying, "sampling_weight": 0.0})
+    elif emission.any():
+        parts["emitter"] = mi.load_dict({"type": "area", "radiance": _rgb(emission)})
+    used, faces = np.unique(mesh.faces[chosen], return_inverse=True)
+    piece = Mesh(
+        vertices=mesh.vertices[used],
+        faces=faces.reshape(-1, 3),
+        normals=np.asarray(mesh.normals)[used],
+        albedo=np.asarray(mesh.albedo)[used],
+        emission=np.asarray(mesh.emission)[used],
+    )
+    shape = _mesh(name, piece, mark[chosen], **parts)
+    shape.add_attribute("vertex_albedo", 3, np.float32(piece.albedo).ravel())
+    if emission is None:
+        shape.add_attribute("vertex_emission", 3, np.float32(piece.emission).ravel())
+    return shape
+
+
+def _by_emission(mesh: Mesh) -> Iterator[tuple[np.ndarray, np.ndarray | None]]:
+    """Splits faces by what they emit: (indices of faces, their emission [3], or None where it varies over a face)."""
+    corners = np.asarray(mesh.emission)[mesh.faces]
+    constant = (corners == corners[:, :1]).all(axis=(1, 2))
+    values, which = np.unique(corners[:, 0], axis=0, return_inverse=True)
+    for i, value in enumerate(values):
+        chosen = np.flatnonzero(constant & (which.ravel() == i))
+        if len(chosen):
+            yield chosen, value
+    if not constant.all():
+        yield np.flatnonzero(~constant), None
+
+
+def _mesh(name: str, mesh: Mesh, mark: np.ndarray, **parts) -> mi.Mesh:
+    """World-space mesh; `parts` are its BSDF, emitter and flags."""
+    properties = mi.Properties()
+    for key, value in parts.items():
+        properties[key] = value
+    smooth = not parts.get("face_normals", False)
+    shape = mi.Mesh(name, len(mesh.vertices), len(mesh.faces), props=properties, has_vertex_normals=smooth)
+    buffers = mi.traverse(shape)
+    buffers["vertex_positions"] = np.float32(mesh.vertices).ravel()
+    buffers["faces"] = np.uint32(mesh.faces).ravel()
+    if smooth:
+        buffers["vertex_normals"] = np.float32(mesh.normals).ravel()
+    buffers.update()
+    shape.add_attribute("face_mark", 1, np.float32(mark).ravel())
+    return shape
