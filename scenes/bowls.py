@@ -67,7 +67,7 @@ def torus_bowl(at: tuple[float, float, float]) -> Reflector:
     The proxy is the whole torus; its bottom is under the table top, its inner half under whatever covers the ring.
     """
     ring = RADIUS - TORUS_TUBE
-    segments, around = 88, 60
+    segments, around = 80, 60
     u, v = np.meshgrid(np.arange(segments), np.arange(around), indexing="ij")
     nxt = [(u + 1) % segments, (v + 1) % around]
     a, b, c, d = (i * around + j for i, j in ((u, v), (nxt[0], v), (nxt[0], nxt[1]), (u, nxt[1])))

@@ -62,29 +62,30 @@ def _turned(mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices, mesh.faces[:, ::-1], -mesh.normals, mesh.albedo, mesh.emission)
 
 
-def window(daylight: float, wall_m: float) -> list[Object]:
-    """Pane and frame; `daylight` is the sky's radiance at the top of the pane."""
+def window(daylight: float) -> list[Object]:
+    """Panes and frame; `daylight` is the sky's radiance. Each pane emits one radiance, so that renderers can sample it."""
     y0, y1, z0, z1 = WINDOW
-    y, z, hedge = (0, 1.0, 0), (0, 0, 1.0), z0 + 0.32
-    ys = with_breaks(y0, y1, wall_m, ())
-    sky = sheet((-X - 0.10, 0, 0), y, z, ys, with_breaks(hedge, z1, 0.25, ()), BLACK)
-    rise = ((sky.vertices[:, 2] - hedge) / (z1 - hedge))[:, None]
-    sky = Mesh(sky.vertices, sky.faces, sky.normals, BLACK,
-               daylight * ((1 - rise) * np.array([1.25, 1.15, 0.98]) + rise * np.array([0.72, 0.88, 1.10])))  # fmt: skip
-    garden = sheet((-X - 0.10, 0, 0), y, z, ys, [z0, z0 + 0.14, hedge], BLACK)
-    shade = 0.55 + 0.45 * np.sin(9.0 * garden.vertices[:, 1:2] + 30.0 * garden.vertices[:, 2:]) ** 2
-    garden = Mesh(garden.vertices, garden.faces, garden.normals, BLACK, 0.22 * daylight * shade * np.array([0.45, 0.75, 0.22]))
+    view = [
+        ("garden", z0, z0 + 0.26, (0.10, 0.17, 0.05), "a hedge below the sky, which tells that the window is seen upright"),
+        ("haze", z0 + 0.26, z0 + 0.52, (1.10, 1.04, 0.95), "the pale sky over the hedge"),
+        ("sky", z0 + 0.52, z1, (0.80, 0.95, 1.15), "daylight: the strongest light in the room and in the bowl"),
+    ]
+    panes = [
+        Object(f"window-{name}", sheet((-X - 0.10, 0, 0), (0, 1, 0), (0, 0, 1), [y0, y1], [low, high], BLACK,
+                                       tuple(daylight * np.array(tint))), shows)
+        for name, low, high, tint, shows in view
+    ]  # fmt: skip
     middle, height = 0.5 * (y0 + y1), z0 + 0.62 * (z1 - z0)
     bars = [
-        box((-X - 0.10, y0, z0 - 0.03), (-X + 0.10, y1, z0), WHITE, "-x", 0.6),
-        box((-X - 0.10, y0, z1), (-X + 0.02, y1, z1 + 0.05), WHITE, "-x +z", 0.6),
-        box((-X - 0.10, y0 - 0.05, z0 - 0.03), (-X + 0.02, y0, z1 + 0.05), WHITE, "-x -z", 0.6),
-        box((-X - 0.10, y1, z0 - 0.03), (-X + 0.02, y1 + 0.05, z1 + 0.05), WHITE, "-x -z", 0.6),
+        bar((-X - 0.10, y0, z0 - 0.03), (-X + 0.10, y1, z0), WHITE),
+        bar((-X - 0.10, y0, z1), (-X + 0.02, y1, z1 + 0.05), WHITE),
+        bar((-X - 0.10, y0 - 0.05, z0 - 0.03), (-X + 0.02, y0, z1 + 0.05), WHITE),
+        bar((-X - 0.10, y1, z0 - 0.03), (-X + 0.02, y1 + 0.05, z1 + 0.05), WHITE),
         bar((-X - 0.095, middle - 0.025, z0), (-X - 0.055, middle + 0.025, z1), WHITE),
         bar((-X - 0.095, y0, height - 0.02), (-X - 0.056, y1, height + 0.02), WHITE),
     ]
     return [
-        Object("window-pane", merged(sky, garden), "daylight: the strongest highlight in the bowl, with a sky and a hedge to tell it is seen upright"),
+        *panes,
         Object("window-frame", merged(*bars), "straight bars against the light, whose curves in the bowl show every error"),
     ]  # fmt: skip
 
@@ -121,7 +122,7 @@ def _units(x0: float, widths: list[float], kinds: str, colour: Colour, spacing: 
         else:
             parts.append(_front(x, x1, 0.12, 0.70, BLACK, spacing))
             panel = box((x + 0.004, -0.02, 0.704), (x1 - 0.004, 0, COUNTER - TOP - 0.004), STEEL, "+y", spacing, 0.004)
-            knob = lathe([(0.022, 0), (0.018, 0.025), (0, 0.025)], 6, BLACK)
+            knob = lathe([(0.02, 0), (0.02, 0.025), (0, 0.025)], 6, BLACK, sharp_deg=180)
             knobs = [placed(knob, (x + s * width, -0.02, 0.78), tilt_deg=90) for s in (0.25, 0.5, 0.75)]
             glass = box((x + 0.09, -0.026, 0.20), (x1 - 0.09, -0.02, 0.56), (0.10, 0.09, 0.08), "+y", spacing)
             parts += [panel, *knobs, glass]
@@ -163,8 +164,8 @@ def counters(spacing: float, top_m: float) -> list[Object]:
         _turned(sheet((0, t0, 0), x, z, [s0, s1], zs, STEEL)),
     )
     neck = [(0, 0, 0), (0, 0, 0.20), *arc((0.08, 0, 0.20), (-0.08, 0, 0), (0, 0, 0.08), 20, 180, 6), (0.16, 0, 0.17)]
-    tap = placed(merged(tube(neck, 0.012, 6, STEEL), bar((-0.01, 0.03, 0.02), (0.01, 0.10, 0.04), STEEL)), (-X + 0.07, 0.02, COUNTER))
-    hob = box((0.30, back_y + 0.06, COUNTER), (0.90, Y - 0.08, COUNTER + 0.008), BLACK, "-z", 0.3)
+    tap = placed(merged(tube(neck, 0.012, 5, STEEL), bar((-0.01, 0.03, 0.02), (0.01, 0.10, 0.04), STEEL)), (-X + 0.07, 0.02, COUNTER))
+    hob = bar((0.30, back_y + 0.06, COUNTER), (0.90, Y - 0.08, COUNTER + 0.008), BLACK)
     ring = lathe([(0.085, 0.001), (0, 0.001)], 12, (0.16, 0.15, 0.15))
     rings = [placed(ring, (0.45 + 0.3 * i, back_y + 0.19 + 0.25 * j, COUNTER + 0.008)) for i in range(2) for j in range(2)]
     return [
@@ -188,8 +189,8 @@ def high_cupboards(spacing: float) -> list[Object]:
         box((0.48, Y - 0.28, 1.58), (0.72, Y, Z), STEEL, "+y -z +z", spacing),
     )
     shelf = merged(
-        box((-0.88, Y - 0.22, 1.50), (0.22, Y, 1.525), OAK, "+y", 0.28),
-        box((-0.88, Y - 0.22, 1.86), (0.22, Y, 1.885), OAK, "+y", 0.28),
+        box((-0.88, Y - 0.22, 1.50), (0.22, Y, 1.525), OAK, "+y", 0.4),
+        box((-0.88, Y - 0.22, 1.86), (0.22, Y, 1.885), OAK, "+y", 0.4),
     )
     return [
         Object("cupboards-high", merged(*parts), "bright doors at eye height, darker below: the upper edge of the direct view"),
@@ -206,7 +207,7 @@ def furniture(spacing: float) -> list[Object]:
         box((1.45, 0.65, 1.21), (1.475, 1.3, 1.85), (0.80, 0.79, 0.74), "+x", spacing, 0.006),
         *(bar((1.415, 0.69, a), (1.455, 0.715, b), STEEL) for a, b in ((0.75, 1.12), (1.28, 1.55))),
     )
-    panel = lambda lo, hi: box((lo[0], -Y - 0.02, lo[1]), (hi[0], -Y - 0.005, hi[1]), (0.62, 0.24, 0.12), "-y", bevel=0.008)  # noqa: E731
+    panel = lambda lo, hi: bar((lo[0], -Y - 0.025, lo[1]), (hi[0], -Y - 0.005, hi[1]), (0.62, 0.24, 0.12))  # noqa: E731
     door = merged(
         _turned(sheet((0, -Y - 0.02, 0), (1, 0, 0), (0, 0, 1), with_breaks(0.6, 1.4, spacing, ()), with_breaks(0, 2.0, spacing, ()), (0.50, 0.18, 0.09))),
         *(panel(*p) for p in (((0.70, 0.15), (0.96, 0.9)), ((1.04, 0.15), (1.30, 0.9)), ((0.70, 1.05), (1.30, 1.88)))),
@@ -248,4 +249,4 @@ def chair(colour: Colour) -> Mesh:
     legs = [bar((x, y, 0), (x + post, y + post, top), colour)
             for x in (-w, w - post) for y, top in ((-d, 0.92), (d - post, seat - 0.03))]  # fmt: skip
     rails = [bar((-w + post, -d + 0.005, z), (w - post, -d + 0.025, z + 0.09), colour) for z in (0.60, 0.80)]
-    return merged(*legs, *rails, box((-w, -d + post, seat - 0.03), (w, d, seat), colour, bevel=0.006))
+    return merged(*legs, *rails, bar((-w, -d + post, seat - 0.03), (w, d, seat), colour))

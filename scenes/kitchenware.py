@@ -33,7 +33,7 @@ def orange(n: int, radius: float = 0.040) -> Mesh:
 
 def apple(n: int, ripe: Colour = (0.60, 0.06, 0.05), radius: float = 0.042) -> Mesh:
     """An apple, red with a paler side, with its dimple and stalk."""
-    a = np.linspace(-0.42 * np.pi, 0.5 * np.pi, max(7, n // 2 + 2))
+    a = np.linspace(-0.42 * np.pi, 0.5 * np.pi, max(7, n // 2 + 1))
     r = radius * np.cos(a) * (1 + 0.12 * np.sin(a))
     z = radius * (0.9 * np.sin(a) - 0.32 * (a > 0) * np.exp(-((r / (0.32 * radius)) ** 2)))
     z -= z.min()
@@ -70,7 +70,7 @@ def kettle(n: int, colour: Colour) -> Mesh:
     body = [(0.104, 0), (0.110, 0.02), (0.106, 0.06), (0.088, 0.103), (0.050, 0.135)]
     lid = [(0.050, 0.139), (0.012, 0.153), (0.009, 0.160), (0.017, 0.171), (0, 0.182)]
     black = (0.05, 0.045, 0.04)
-    pot = lathe([*body, *lid], n + n // 3, [colour, colour, colour, colour, WHITE, colour, black, black, black], 60)
+    pot = lathe([*body, *lid], n + n // 4, [colour, colour, colour, colour, WHITE, colour, black, black, black], 60)
     spout = tube([(0.085, 0, 0.05), (0.125, 0, 0.075), (0.145, 0, 0.115), (0.165, 0, 0.14)], [0.024, 0.018, 0.013, 0.011],
                  max(6, n // 2), colour)  # fmt: skip
     handle = tube(arc((0, 0, 0.10), (0.088, 0, 0), (0, 0, 0.145), 8, 172, max(8, 2 * n // 3)), 0.008, max(6, n // 2), (0.07, 0.045, 0.03))
@@ -81,12 +81,12 @@ def plate(n: int, rim: Colour, radius: float = 0.125) -> Mesh:
     """A dinner plate with a coloured rim."""
     r = radius
     profile = [(0.55 * r, 0), (r, 0.018), (0.88 * r, 0.015), (0.62 * r, 0.008), (0, 0.007)]
-    return lathe(profile, n + n // 2, [WHITE, rim, WHITE, WHITE])
+    return lathe(profile, n + n // 3, [WHITE, rim, WHITE, WHITE])
 
 
 def bottle(n: int, glass: Colour = (0.06, 0.16, 0.06)) -> Mesh:
     """A bottle with a paper label and a cork."""
-    profile = [(0.036, 0), (0.037, 0.05), (0.037, 0.13), (0.036, 0.18), (0.015, 0.23), (0.013, 0.29), (0.010, 0.305), (0, 0.305)]
+    profile = [(0.037, 0), (0.037, 0.04), (0.037, 0.13), (0.036, 0.18), (0.015, 0.23), (0.013, 0.29), (0.010, 0.305), (0, 0.305)]
     cork = (0.55, 0.38, 0.22)
     return lathe(profile, n, [glass, (0.78, 0.70, 0.52), glass, glass, glass, cork, cork], sharp_deg=60)
 

@@ -248,7 +248,7 @@ def contact_sheet(lo, hi, z: float, spacing: float, feet: Sequence[tuple[float, 
     for x, y, radius in feet:
         for gap, share in offsets:
             r = radius + gap
-            count = max(7, int(np.ceil(2 * np.pi * r / (share * spacing + 0.1 * r))))
+            count = max(6, int(np.ceil(2 * np.pi * r / (share * spacing + 0.1 * r))))
             angle = np.linspace(0, 2 * np.pi, count, endpoint=False)
             rings.append(np.array([x, y]) + r * np.stack([np.cos(angle), np.sin(angle)], axis=1))
     owner = np.concatenate([np.full(len(ring), k) for k, ring in enumerate(rings)])
