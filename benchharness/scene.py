@@ -249,6 +249,7 @@ class Scene:
     ppd         pixels per degree at which images are looked at, for FLIP
     exposure    stops (powers of two) that take the scene's radiance to display brightness, for FLIP and the pictures
     detail      "lean" or "paper"
+    h_max       edges of objects longer than this, in metres, are split after baking (`refined`); None: no splitting
     """
 
     name: str
@@ -264,6 +265,7 @@ class Scene:
     detail: str = "lean"
     source: dict = field(default_factory=dict)
     """What the builder was asked for, for the records: keyword -> value."""
+    h_max: float | None = None
 
     def time(self, frame: int) -> float:
         return frame / self.fps
@@ -288,3 +290,16 @@ class Scene:
     def moves(self, one: float, other: float) -> bool:
         """Whether any part stands elsewhere at time `other` than at time `one`."""
         return bool((self.poses(one) != self.poses(other)).any())
+
+
+def refined(scene: Scene) -> Scene:
+    """The scene as it is drawn: its objects subdivided by `scene.h_max`, which is None afterwards; reflectors as they are.
+
+    Comes after baking, so that the subdivision interpolates `Mesh.radiance` and does not decide where light is sampled.
+    """
+    if scene.h_max is None:
+        return scene
+    h_max = scene.h_max
+    return replace(
+        scene, objects=tuple(replace(o, mesh=subdivided(o.mesh, h_max)) for o in scene.objects), h_max=None
+    )

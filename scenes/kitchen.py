@@ -1,0 +1,265 @@
+"""A kitchen with one large metal bowl on the table, towards which the camera moves.
+
+The bowl is the mirror (`scenes.bowls`): `convex` is an upturned bowl, seen from outside; `concave` a hemisphere seen from
+inside; `torus` the outer band of a ring mould. The room has a window, a lamp and surfaces of many albedos, so that light,
+contact shadows and long straight edges can all be judged in the reflection.
+
+Two details of the same room. `paper` has the number of vertices of the kitchen in Estalella et al. 2006: 11,379 as built
+and 14,979 after `refined`, spent on round things. `lean` is what the picture needs: see DETAILS.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from benchharness.scene import Camera, Mesh, Motion, Object, Reflector, Scene, merged
+from scenes import bowls, kitchen_room, kitchenware
+from scenes.shapes import Colour, bar, box, contact_sheet, lathe, placed, pose, tiles
+
+DetailName = Literal["lean", "paper"]
+BowlName = Literal["convex", "concave", "torus"]
+
+
+@dataclass(frozen=True)
+class Detail:
+    """How finely the kitchen is modelled.
+
+    near     vertices around a can on the table; other round things on the table are scaled to it
+    far      the same for what stands along the walls
+    table    distance of base vertices on the table top, metres; closer around whatever stands there
+    wall     distance of base vertices on walls and ceiling, metres
+    front    the same on cupboards and furniture
+    worktop  distance of base vertices on the worktops, metres
+    h_max    longest edge that is drawn, metres
+    """
+
+    near: int
+    far: int
+    table: float
+    wall: float
+    front: float
+    worktop: float
+    h_max: float
+
+
+DETAILS: dict[str, Detail] = {
+    "lean": Detail(near=12, far=6, table=0.11, wall=0.55, front=0.75, worktop=0.5, h_max=0.3),
+    "paper": Detail(near=24, far=18, table=0.05, wall=0.4, front=0.4, worktop=0.3, h_max=0.355),
+}
+
+TABLE = (-0.85, 0.85, -0.42, 0.62)
+"""The table top: x from, to, y from, to, metres."""
+HEIGHT = 0.75
+"""Of the table, metres."""
+BOWL = (0.0, 0.1, HEIGHT)
+"""Where the bowl stands on the table."""
+FRAMES, FPS = 100, 25.0
+
+
+def kitchen(detail: DetailName = "lean", bowl: BowlName = "convex", moving: bool = False) -> Scene:
+    """The kitchen.
+
+    detail   how finely it is modelled; the same things either way
+    bowl     which mirror stands on the table
+    moving   whether an orange rolls and a mug slides along the table
+
+    Raises ValueError for anything else.
+    """
+    for name, value, accepted in (("detail", detail, get_args(DetailName)), ("bowl", bowl, get_args(BowlName))):
+        if value not in accepted:
+            raise ValueError(f"kitchen: {name} is {value!r}; accepted: {', '.join(accepted)}")
+    if not isinstance(moving, bool):
+        raise ValueError(f"kitchen: moving is {moving!r}; accepted: true or false")
+    d = DETAILS[detail]
+    things, feet = _on_the_table(d, moving)
+    mirror, support = _bowl(bowl, d)
+    scene = Scene(
+        name="kitchen",
+        objects=(
+            *kitchen_room.room(d.wall),
+            *kitchen_room.window(14.0),
+            *kitchen_room.lamp((15.0, 12.0, 8.0), d.near),
+            *kitchen_room.counters(d.front, d.worktop),
+            *kitchen_room.high_cupboards(d.front),
+            *kitchen_room.furniture(d.front),
+            *_along_the_walls(d),
+            *_table(d, [*feet, _FOOT[bowl]]),
+            *things,
+            *support,
+        ),
+        reflectors=(mirror,),
+        camera=CAMERAS[bowl],
+        frames=FRAMES,
+        fps=FPS,
+        exposure=0.0,
+        detail=detail,
+        h_max=d.h_max,
+    )
+    scene.source.update(detail=detail, bowl=bowl, moving=moving, base_vertices=scene.vertices, h_max=d.h_max)
+    return scene
+
+
+@dataclass(frozen=True)
+class Dolly:
+    """The camera: draws near to the bowl and a little around it, setting out and arriving gently.
+
+    From and to are direction (azimuth and elevation in degrees) and distance (metres) of the eye from `centre`.
+    """
+
+    centre: tuple[float, float, float]
+    distance: tuple[float, float]
+    azimuth_deg: tuple[float, float] = (-76.0, -96.0)
+    elevation_deg: tuple[float, float] = (18.0, 25.0)
+    look_above: tuple[float, float] = (0.10, 0.0)
+    duration: float = (FRAMES - 1) / FPS
+
+    def __call__(self, time: float) -> Camera:
+        s = float(np.clip(time / self.duration, 0.0, 1.0))
+        s += np.sin(2 * np.pi * s) * -0.6 / (2 * np.pi)  # speed 1 - 0.6 cos: from 0.4 to 1.6 of the mean
+        mix = lambda ends: (1 - s) * ends[0] + s * ends[1]  # noqa: E731
+        azimuth, elevation = np.radians(mix(self.azimuth_deg)), np.radians(mix(self.elevation_deg))
+        distance = self.distance[0] * (self.distance[1] / self.distance[0]) ** s
+        way = np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
+        eye = np.asarray(self.centre) + distance * way
+        target = np.asarray(self.centre) + [0.0, 0.0, mix(self.look_above)]
+        return Camera(tuple(eye.tolist()), tuple(target.tolist()), fov_deg=45.0)
+
+
+CAMERAS = {
+    "convex": Dolly((BOWL[0], BOWL[1], HEIGHT + 0.10), (1.75, 0.57)),
+    "concave": Dolly((BOWL[0], BOWL[1], HEIGHT + bowls.RADIUS), (1.95, 0.65)),
+    "torus": Dolly((BOWL[0], BOWL[1], HEIGHT + 0.08), (1.70, 0.59)),
+}
+"""Each draws near until its bowl covers about half of the picture."""
+
+
+@dataclass(frozen=True)
+class Roll:
+    """A ball of `radius` about the origin that rolls on the table from `start` to `end` (x, y) in `duration` seconds."""
+
+    start: tuple[float, float]
+    end: tuple[float, float]
+    radius: float
+    duration: float = FRAMES / FPS
+
+    def __call__(self, time: float) -> np.ndarray:
+        way = np.subtract(self.end, self.start) * np.clip(time / self.duration, 0.0, 1.0)
+        length = float(np.linalg.norm(way))
+        heading = np.degrees(np.arctan2(self.end[1] - self.start[1], self.end[0] - self.start[0]))
+        turn = pose(turn_deg=heading + 90) @ pose(tilt_deg=np.degrees(length / self.radius)) @ pose(turn_deg=-heading - 90)
+        return pose((self.start[0] + way[0], self.start[1] + way[1], HEIGHT + self.radius)) @ turn
+
+
+@dataclass(frozen=True)
+class Slide:
+    """Slides on the table from `start` to `end` (x, y) in `duration` seconds, turned by `turn_deg` throughout."""
+
+    start: tuple[float, float]
+    end: tuple[float, float]
+    turn_deg: float = 0.0
+    duration: float = FRAMES / FPS
+
+    def __call__(self, time: float) -> np.ndarray:
+        s = float(np.clip(time / self.duration, 0.0, 1.0))
+        x, y = (1 - s) * np.asarray(self.start) + s * np.asarray(self.end)
+        return pose((x, y, HEIGHT), self.turn_deg)
+
+
+def _bowl(bowl: str, d: Detail) -> tuple[Reflector, list[Object]]:
+    """The mirror, and what holds or covers it."""
+    if bowl == "convex":
+        return bowls.convex_bowl(BOWL), []
+    if bowl == "concave":
+        # It opens towards where the camera sets out, so that its outside is never in view.
+        wedge = box((-0.07, 0.24, HEIGHT), (0.07, 0.30, HEIGHT + 0.07), kitchen_room.DARK_OAK, "-z", bevel=0.006)
+        shows = "a block of wood that keeps the bowl from rolling back"
+        return bowls.concave_bowl(BOWL, CAMERAS["concave"](0.0).eye), [Object("wedge", placed(wedge, (BOWL[0], BOWL[1], 0)), shows)]
+    radius, top = bowls.torus_top(BOWL)
+    profile = [(radius + 0.006, 0.0005), (radius + 0.006, 0.012), (0.03, 0.012), (0.018, 0.02), (0.024, 0.035), (0, 0.042)]
+    lid = placed(lathe(profile, d.near + d.near // 3, kitchen_room.OAK), (BOWL[0], BOWL[1], top))
+    return bowls.torus_bowl(BOWL), [Object("lid", lid, "a wooden lid on the ring mould, so that nobody looks into it")]
+
+
+_FOOT = {
+    "convex": (BOWL[0], BOWL[1], bowls.RADIUS),
+    "concave": (BOWL[0], BOWL[1], 0.03),
+    "torus": (BOWL[0], BOWL[1], bowls.RADIUS - bowls.TORUS_TUBE * 0.5),
+}
+"""Where each bowl touches the table: x, y, radius."""
+
+
+def _table(d: Detail, feet: list[tuple[float, float, float]]) -> list[Object]:
+    x0, x1, y0, y1 = TABLE
+    top = contact_sheet((x0, y0), (x1, y1), HEIGHT, d.table, feet, kitchen_room.OAK)
+    grain = 1.0 + 0.10 * np.sin(23.0 * top.vertices[:, 1:2] + 2.0 * np.sin(3.0 * top.vertices[:, :1]))
+    top = Mesh(top.vertices, top.faces, top.normals, top.albedo * grain)
+    wood, low = kitchen_room.DARK_OAK, HEIGHT - 0.035
+    sides = box((x0, y0, low), (x1, y1, HEIGHT), kitchen_room.OAK, "+z -z", 0.6)
+    legs = [bar((x - 0.035, y - 0.035, 0), (x + 0.035, y + 0.035, low), wood)
+            for x in (x0 + 0.08, x1 - 0.08) for y in (y0 + 0.08, y1 - 0.08)]  # fmt: skip
+    check = np.add.outer(np.arange(4), np.arange(6)) % 2
+    cloth = np.where(check[..., None], (0.62, 0.10, 0.09), (0.80, 0.76, 0.68))
+    seats = [placed(kitchen_room.chair(wood), at, turn) for at, turn in (((1.08, 0.15, 0), 90), ((-0.95, 0.95, 0), -150))]
+    return [
+        Object("table-top", top, "contact shadows around all that stands on it, the bowl's nearest surroundings"),
+        Object("table-frame", merged(sides, *legs), "the table's edges and legs against the floor"),
+        Object("cloth", tiles((-0.80, -0.38, HEIGHT + 0.002), (0.42, 0, 0), (0, 0.28, 0), (6, 4), cloth),
+               "a fine chequered pattern close to the bowl, where reflections are distorted most"),
+        Object("chairs", merged(*seats), "thin upright posts at middle distance"),
+    ]  # fmt: skip
+
+
+def _on_the_table(d: Detail, moving: bool) -> tuple[list[Object], list[tuple[float, float, float]]]:
+    """What stands on the table, and where: x, y and radius of the contact."""
+    n, objects, feet = d.near, [], []
+
+    def put(name: str, mesh: Mesh, x: float, y: float, foot: float, shows: str, turn_deg: float = 0.0, z: float = 0.0) -> None:
+        objects.append(Object(name, placed(mesh, (x, y, HEIGHT + z), turn_deg), shows))
+        if z == 0.0:
+            feet.append((x, y, foot))
+
+    def move(name: str, mesh: Mesh, motion: Motion, foot: float, shows: str) -> None:
+        start = motion(0.0)
+        objects.append(Object(name, mesh, shows, motion) if moving else Object(name, mesh.transformed(start), shows))
+        feet.append((start[0, 3], start[1, 3], foot))
+
+    red, yellow, blue, green = (0.62, 0.07, 0.05), (0.80, 0.58, 0.10), (0.08, 0.20, 0.42), (0.10, 0.30, 0.12)
+    put("can-red", kitchenware.can(n, red, kitchenware.WHITE), 0.45, 0.24, 0.042, "a red can with a white band, right of the bowl")
+    put("can-yellow", kitchenware.can(n, yellow, green), 0.57, 0.13, 0.042, "a yellow can with a green band, right of the bowl")
+    put("can-blue", kitchenware.can(n, blue, yellow), 0.44, 0.06, 0.042, "a blue can with a yellow band, close to the bowl")
+    put("kettle", kitchenware.kettle(n, (0.60, 0.12, 0.06)), -0.55, 0.36, 0.104, "a red kettle: large, round, with thin parts", -35)
+    put("bottle", kitchenware.bottle(n), 0.68, 0.42, 0.036, "a tall dark bottle that stretches along the mirror's rim")
+    put("mug-green", kitchenware.mug(n, (0.20, 0.42, 0.34)), -0.40, 0.12, 0.04, "a mug with a handle left of the bowl", 200)
+    put("plate", kitchenware.plate(n, blue), -0.62, -0.22, 0.075, "a flat round thing with a coloured rim", z=0.003)
+    put("apple-one", kitchenware.apple(n), -0.65, -0.20, 0.02, "a round red thing with a bright and a dark side", z=0.0105)
+    put("apple-two", kitchenware.apple(n, (0.36, 0.45, 0.08)), -0.56, -0.24, 0.02, "a green apple beside the red one", 80, 0.0105)
+    put("banana", kitchenware.banana(n), 0.60, -0.20, 0.02, "a bent thing whose bend the mirror changes", 25)
+    put("orange-two", placed(kitchenware.orange(n), (0, 0, 0.04)), 0.36, -0.30, 0.012, "a second orange, farther from the bowl")
+    move("orange", kitchenware.orange(n), Roll((-0.24, -0.26), (0.22, -0.30), 0.04), 0.012,
+         "a plain bright ball in front of the bowl; rolls to the right if things move")  # fmt: skip
+    move("mug-white", kitchenware.mug(n, (0.80, 0.74, 0.62)), Slide((0.40, -0.12), (0.72, -0.02), -40), 0.04,
+         "a pale mug right of the bowl; slides away if things move")  # fmt: skip
+    return objects, feet
+
+
+def _along_the_walls(d: Detail) -> list[Object]:
+    """What stands on worktops, shelves and dresser."""
+    n, counter = d.far, kitchen_room.COUNTER
+    fillings: list[tuple[Colour, Colour]] = [((0.75, 0.60, 0.38), kitchen_room.OAK), ((0.45, 0.12, 0.06), kitchen_room.OAK),
+                                             ((0.30, 0.36, 0.12), kitchen_room.OAK)]  # fmt: skip
+    jars = [placed(kitchenware.jar(n, *pair), (-0.75 + 0.17 * k, 1.88, 1.525)) for k, pair in enumerate(fillings)]
+    mugs = [placed(kitchenware.mug(n, c), (-0.12 + 0.15 * k, 1.88, 1.525), 60)
+            for k, c in enumerate([(0.16, 0.32, 0.42)])]  # fmt: skip
+    row = [placed(kitchenware.plate(n, (0.10, 0.24, 0.45)), (-1.38 + 0.45 * k, -1.93, 1.4), 180, 80) for k in range(2)]  # fmt: skip
+    board = placed(box((-0.16, 0, 0), (0.16, 0.02, 0.42), kitchen_room.DARK_OAK, "-z", bevel=0.005), (-0.55, 1.90, counter), tilt_deg=-9)
+    bread = placed(lathe([(0, -0.14), (0.05, -0.13), (0.065, -0.06), (0.065, 0.06), (0.05, 0.13), (0, 0.14)], n + 2,
+                         (0.58, 0.33, 0.14)), (-0.20, 1.68, counter + 0.062), 70, 90)  # fmt: skip
+    return [
+        Object("jars", merged(*jars, *mugs), "a row of small coloured things on the shelf over the worktop"),
+        Object("pot", placed(kitchenware.pot(n + 2, (0.14, 0.30, 0.40)), (0.45, 1.84, counter + 0.012), 15), "a large blue thing on the hob"),
+        Object("board", merged(board, bread), "a chopping board and a loaf against the bright splashback"),
+        Object("dresser-plates", merged(*row), "round things on straight shelves behind the camera"),
+    ]  # fmt: skip
