@@ -209,6 +209,13 @@ def test_times_are_relative_to_the_calibration_kernel(judge):
     assert kinds(judge(rows(), rows(calibration_ms=None))) == {("note", "times")}
 
 
+def test_samples_are_relative_to_the_calibration_kernel_too(judge):
+    # The same 6 ms on a machine that is 1.5 times as fast: slower, and proven although the raw times are the same.
+    old = rows(calibration_ms=15.0, prepare_ms=75.0, shade_ms=6.0, kernel_ms=4.5)
+    verdict = judge(old, rows(shade_ms=6.0), samples(SLOW), samples(SLOW))
+    assert kinds(verdict) == {("warning", "shade_ms")} and verdict.findings[0].text.startswith("1.50 times")
+
+
 def test_the_factor_is_the_limit_and_frames_weigh_the_same(judge):
     assert judge(rows(), rows(shade_ms=4.9)).findings == ()
     assert kinds(judge(rows(), rows(shade_ms=4.9), factor=1.2)) == {("warning", "shade_ms")}
