@@ -1,0 +1,90 @@
+"""How to read a number: the meaning, unit and direction of every column that the report shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+TEXT = """
+frame_ms | frame | ms | less
+    A whole frame: rasterized first hits, update if anything moved, shade, composite. Median over frames.
+shade_ms | shade | ms | less
+    The method's work in every frame: wall time, synchronised on both sides, median over rounds, then over frames;
+    its interval is the median's 95 % bootstrap interval.
+update_ms | update | ms | less
+    The method's work when something moved: maps, impostors, what does not depend on the eye.
+prepare_ms | prepare | ms | less
+    The method's work once per scene. Not part of a frame.
+kernel_ms | kernel | ms | less
+    Execution on the device alone, without tracing and launching: what is left of shade if the host costs nothing.
+first_ms | first | ms | less
+    The first frame of all, cold: tracing and compiling included.
+gbuffer_ms | G-buffer | ms | less
+    Rasterizing the first hit of every pixel; the same for every method.
+flip | FLIP |  | less
+    Mean of the FLIP map against the reference inside the mirror's mask, 0 to 1: how different the two look when
+    flipped between. Below 0.01 few people see it.
+flip_p95 | FLIP p95 |  | less
+    95th percentile of the FLIP map inside the mask: the worst visible parts, that a mean hides.
+rmse | RMSE | radiance | less
+    Root mean square difference of linear radiance inside the mask. Bright spots dominate it.
+relmse | relMSE |  | less
+    Mean of (difference² / (reference² + 0.01)): weighs dark and bright parts alike.
+coverage | coverage |  | more
+    Share of the mirror's pixels for which the method has an answer. The others are counted in every error as they
+    are shown.
+nonfinite_px | non-finite | px | less
+    Pixels that are NaN, infinite or negative, over all frames. Any is a bug.
+distance_err | distance error |  | less
+    Median relative error of the length of the reflected ray against the traced ray.
+residual_px | residual | px | less
+    Screen distance between the reflection point found and the true one, for methods that search reflection points
+    of vertices.
+converged_ratio | converged |  | more
+    Share of vertices whose search says that it converged.
+wrong_ratio | wrong |  | less
+    Share of vertices whose search says that it converged, more than 2 px from the truth.
+iterations_mean | iterations |  | less
+    Steps of the search per vertex.
+iterations_max | iterations max |  | less
+    Most steps that any vertex took in any frame.
+temporal_diff | temporal | radiance | less
+    Mean |change of the picture - change of the reference| from frame to frame: flicker and swimming. A constant
+    error gives 0.
+jitter_px | jitter | px | less
+    Root mean square second difference of the screen error of virtual vertices along the path.
+frames_ok | frames ok |  | more
+    Frames with status ok, of those that were asked for. Times are medians and errors are means over these alone.
+"""
+
+
+@dataclass(frozen=True)
+class Column:
+    """`better` is "less" or "more"; `unit` is "" for what has none."""
+
+    name: str
+    title: str
+    unit: str
+    better: str
+    meaning: str
+
+
+def _columns(text: str) -> dict[str, Column]:
+    """Lines `name | title | unit | better`, each followed by its meaning, indented."""
+    found: list[list[str]] = []
+    for line in text.strip().splitlines():
+        if line.startswith(" "):
+            found[-1][4] = f"{found[-1][4]} {line.strip()}".strip()
+        else:
+            found.append([*(part.strip() for part in line.split("|")), ""])
+    return {cells[0]: Column(*cells) for cells in found}
+
+
+COLUMNS = _columns(TEXT)
+
+STATUSES = {
+    "ok": "a picture and numbers",
+    "refused": "the method says that it cannot serve this scene",
+    "invalid": "the picture has pixels that are not finite",
+    "timeout": "it did not end in time",
+    "crashed": "it raised an error or ended its process",
+}
