@@ -125,11 +125,11 @@ def _turned_mirrors(g: geometry.Geometry, poses: mi.Float, objects: int) -> mi.F
 @dr.freeze
 def _first_hits(points, attributes, faces, background, view: View, face_count: int, objects: int):
     """Reflector number, point, normal and radiance at every pixel centre."""
-    visibility = raster.rasterize(points, faces, face_count, view)
+    visibility = raster.rasterize(points, faces, face_count, view, cull=True)
     lane = dr.arange(mi.UInt32, view.width * view.height)
     hit, face, weights, p = raster.seen(points, faces, visibility, view, lane)
     value = raster.interpolate(attributes, face, weights, hit)
-    reflector = dr.select(hit, mi.Int32(face.w) - objects, -1)
+    reflector = dr.select(hit, mi.Int32(geometry.part_of(face)) - objects, -1)
     reflector = dr.select(reflector >= 0, reflector, -1)
     mirror = reflector >= 0
     n = dr.normalize(mi.Vector3f(value.x, value.y, value.z))

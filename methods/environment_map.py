@@ -87,7 +87,7 @@ def _capture(triangles: geometry.Geometry, points, poses, part, centre, near, ba
     """The finest level of one reflector's map: everything but part number `part`, around `centre` of that part."""
     q = mi.Vector4f(centre.x, centre.y, centre.z, 1)
     world = mi.Point3f(*(dr.dot(dr.gather(mi.Vector4f, poses, part * 3 + k), q) for k in range(3)))
-    owner = dr.gather(mi.UInt32, triangles.faces, dr.arange(mi.UInt32, triangles.face_count) * 4 + 3)
+    owner = geometry.part_of(dr.gather(mi.Vector4u, triangles.faces, dr.arange(mi.UInt32, triangles.face_count)))
     count = triangles.face_count
     return cubemap.capture(
         points, triangles.attributes, triangles.faces, count, owner != part, world, resolution, near, background

@@ -37,6 +37,8 @@ COLD = 0xFFFF_FFFF
 PYRAMID_STRIDE = 32  # texels; first stride of a cold search
 CUT_TURN = 0.05  # a cut: the view turned by more than this (radians) or the eye moved by more than this share of its distance
 
+CONTACT = 1e-3  # share of the mirror's depth that an image may lie in front of it: what touches the mirror is at its depth
+
 UNKNOWN, REFLECTED, UNREFLECTED, HIDDEN = range(4)
 
 
@@ -120,12 +122,12 @@ class ImageSpaceSearch(Method):
         for i, proxy in enumerate(frame.proxies):
             part = dr.opaque(mi.UInt32, state.objects + i)
             last = state.texels[i] if warm else dr.full(mi.UInt32, COLD, state.triangles.vertex_count)
-            moved, ended, report = _search(
+            moved, at, ended, report = _search(
                 state.points, proxy, frame.poses, part, frame.view, state.view if warm else frame.view, last,
                 state.triangles.vertex_count, dr.opaque(mi.UInt32, self.max_iter), options,
             )  # fmt: skip
             own, length, covered = _draw(
-                moved, state.triangles, part, frame.view, frame.p, frame.reflector, dr.opaque(mi.Int32, i)
+                moved, state.points, at, state.triangles, part, frame.view, frame.p, frame.reflector, dr.opaque(mi.Int32, i)
             )
             mine = frame.reflector == i
             L, distance, found = dr.select(mine, own, L), dr.select(mine, length, distance), dr.select(mine, covered, found)
@@ -143,7 +145,7 @@ class ImageSpaceSearch(Method):
 
 @dr.freeze
 def _search(points, proxy: Surface, poses, part, view: View, last_view: View, last, count: int, max_iter, options: Options):
-    """Virtual vertices (x, y, z, kind: 0 none, 1 reflected, 2 hidden), end texels, and what is reported of each vertex."""
+    """Virtual vertices (x, y, z, kind: 0 none, 1 reflected, 2 hidden), reflection points, end texels, what is reported."""
     pose = [dr.gather(mi.Vector4f, poses, part * 3 + k) for k in range(3)]
     camera = search.widened(view, options.widening)
     texels = search.render(proxy, pose, camera)
@@ -177,6 +179,8 @@ def _search(points, proxy: Surface, poses, part, view: View, last_view: View, la
     kind = dr.select(reflected, mi.Float(1), dr.select(hidden, mi.Float(2), mi.Float(0)))
     moved = dr.empty(mi.Float, 4 * count)
     dr.scatter(moved, mi.Vector4f(image.x, image.y, image.z, kind), lane)
+    reflected_at = dr.empty(mi.Float, 4 * count)
+    dr.scatter(reflected_at, mi.Vector4f(R.x, R.y, R.z, 0), lane)
 
     region = dr.select(reflected, mi.UInt32(REFLECTED), dr.select(hidden, mi.UInt32(HIDDEN), mi.UInt32(UNKNOWN)))
     report = {
@@ -184,7 +188,7 @@ def _search(points, proxy: Surface, poses, part, view: View, last_view: View, la
         "iterations": found.iterations, "residual": found.residual, "border": found.border, "reads": found.reads,
     }  # fmt: skip
     ended = dr.select(reflected | hidden, mi.UInt32(found.row * camera.width + found.column), COLD)
-    return moved, ended, report
+    return moved, reflected_at, ended, report
 
 
 def _cut(view: View, last: View) -> mi.Bool:
@@ -195,20 +199,34 @@ def _cut(view: View, last: View) -> mi.Bool:
 
 
 @dr.freeze
-def _draw(moved, triangles: geometry.Geometry, part, view: View, p, reflector, layer):
+def _draw(moved, points, reflected_at, triangles: geometry.Geometry, part, view: View, p, reflector, layer):
     """The virtual scene in one mirror: radiance, length of the reflected ray, coverage, one lane per pixel."""
     lane = dr.arange(mi.UInt32, triangles.face_count)
     face, corner = raster.corners(moved, triangles.faces, lane, mi.Bool(True))
     kinds = [q.w for q in corner]
-    drawn = (face.w != part) & (kinds[0] > 0) & (kinds[1] > 0) & (kinds[2] > 0)
+    drawn = (geometry.part_of(face) != part) & (kinds[0] > 0) & (kinds[1] > 0) & (kinds[2] > 0)
     drawn &= (kinds[0] < 2) | (kinds[1] < 2) | (kinds[2] < 2)
     for q in corner:
         drawn &= dr.dot(view.w, mi.Vector4f(q.x, q.y, q.z, 1)) > view.near
-    visibility = raster.rasterize(
-        moved, triangles.faces, triangles.face_count, view, stencil=reflector, layer=layer, drawn=drawn
-    )
+    drawn &= _turned_to_mirror(points, reflected_at, face, kinds)
+
+    # A virtual image lies behind its mirror: what a triangle with a hidden vertex has in front of it shows nothing.
+    mirror = dr.dot(view.w, mi.Vector4f(p.x, p.y, p.z, 1))
+    limit = dr.select(reflector == layer, dr.rcp(mirror * (1 - CONTACT)), 0)
+    visibility = raster.rasterize(moved, triangles.faces, triangles.face_count, view, limit=limit, drawn=drawn)
     pixel = dr.arange(mi.UInt32, view.width * view.height)
     hit, face, weights, q = raster.seen(moved, triangles.faces, visibility, view, pixel, reflector == layer)
     value = raster.interpolate(triangles.attributes, face, weights, hit)
     distance = dr.maximum(dr.norm(q - view.eye) - dr.norm(p - view.eye), 0)
     return dr.select(hit, mi.Color3f(value.x, value.y, value.z), 0), dr.select(hit, distance, 0), hit
+
+
+def _turned_to_mirror(points, reflected_at, face, kinds) -> mi.Bool:
+    """Whether a triangle shows its front to the reflection point of any of its reflected vertices, or has no back."""
+    V = [dr.gather(mi.Vector4f, points, i).xyz for i in (face.x, face.y, face.z)]
+    normal = dr.cross(V[1] - V[0], V[2] - V[0])
+    fronts = mi.Bool(False)
+    for v, i, kind in zip(V, (face.x, face.y, face.z), kinds, strict=True):
+        R = dr.gather(mi.Vector4f, reflected_at, i).xyz
+        fronts |= (kind < 2) & (dr.dot(R - v, normal) > 0)
+    return fronts | ((face.w & raster.CLOSED) == 0)

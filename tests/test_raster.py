@@ -15,15 +15,15 @@ CAMERA = Camera(eye=(0.0, -3.0, 0.0), target=(0.0, 0.0, 0.0), fov_deg=50.0)
 NEAR = 0.1
 
 
-def packed(vertices, faces):
+def packed(vertices, faces, tag=0):
     points = np.hstack([vertices, np.zeros((len(vertices), 1))]).astype(np.float32)
-    indices = np.hstack([faces, np.zeros((len(faces), 1), int)]).astype(np.uint32)
+    indices = np.hstack([faces, np.full((len(faces), 1), tag)]).astype(np.uint32)
     return mi.Float(points.ravel()), mi.UInt32(indices.ravel())
 
 
-def drawn(vertices, faces, width, height, near=NEAR, **options):
+def drawn(vertices, faces, width, height, near=NEAR, tag=0, **options):
     """Triangle per pixel, -1 where none."""
-    points, indices = packed(vertices, faces)
+    points, indices = packed(vertices, faces, tag)
     visibility = raster.rasterize(points, indices, len(faces), view_of(CAMERA, width, height, near), **options)
     triangle, covered = raster.triangle_of(visibility)
     return np.where(np.array(covered), np.array(triangle, np.int64), -1).reshape(height, width)
@@ -150,8 +150,10 @@ def test_what_has_no_area_or_lies_behind_the_eye_draws_nothing():
 
 def test_culling_keeps_what_runs_counter_clockwise_seen_from_the_eye():
     vertices = np.array([[-1, 0, -1], [1, 0, -1], [0, 0, 1]], float)
-    assert (drawn(vertices, np.array([[0, 1, 2]]), 64, 48, cull=True) == 0).any()
-    assert (drawn(vertices, np.array([[0, 2, 1]]), 64, 48, cull=True) == -1).all()
+    front, back = np.array([[0, 1, 2]]), np.array([[0, 2, 1]])
+    assert (drawn(vertices, front, 64, 48, cull=True, tag=raster.CLOSED) == 0).any()
+    assert (drawn(vertices, back, 64, 48, cull=True, tag=raster.CLOSED) == -1).all()
+    assert (drawn(vertices, back, 64, 48, cull=True) == 0).any()  # an open sheet has two sides
 
 
 def test_box_and_stencil_limit_what_is_drawn():
@@ -162,9 +164,11 @@ def test_box_and_stencil_limit_what_is_drawn():
     expected = np.full((48, 64), -1)
     expected[5:40, 10:30] = 0
     assert (picture == expected).all()
-    stencil = (np.arange(48 * 64) // 64 % 3).astype(np.int32)
-    picture = drawn(vertices, faces, 64, 48, stencil=mi.Int32(stencil), layer=mi.Int32(1))
-    assert (picture == np.where(stencil.reshape(48, 64) == 1, 0, -1)).all()
+    rows = (np.arange(48 * 64) // 64 % 3).astype(np.float32)
+    picture = drawn(vertices, faces, 64, 48, limit=mi.Float(rows))  # 1/w of the triangle is 1/3: shut, open, open
+    assert (picture == np.where(rows.reshape(48, 64) >= 1, 0, -1)).all()
+    assert (drawn(vertices, faces, 64, 48, limit=dr.full(mi.Float, 0.33, 48 * 64)) == -1).all()
+    assert (drawn(vertices, faces, 64, 48, limit=dr.full(mi.Float, 0.34, 48 * 64)) == 0).all()
 
 
 def test_points_and_weights_are_perspective_correct():

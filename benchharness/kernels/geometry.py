@@ -2,7 +2,7 @@
 
     points      4 floats per vertex: x, y, z, number of the part (as a float, exact below 2^24)
     attributes  4 floats per vertex: radiance of what is lit, unit normal of what reflects; the last is free
-    faces       4 integers per triangle: three vertices, number of the part
+    faces       4 integers per triangle: three vertices, number of the part (and raster.CLOSED, see `part_of`)
 
 One vertex or one triangle is one packet load of 16 bytes.
 """
@@ -15,6 +15,10 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from benchharness.kernels import raster
 
 
 @dataclass
@@ -32,7 +36,8 @@ def upload(meshes: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> Geome
     for part, (v, a, f) in enumerate(meshes):
         points.append(np.column_stack([v, np.full(len(v), part)]).astype(np.float32))
         attributes.append(np.column_stack([a, np.zeros(len(v))]).astype(np.float32))
-        faces.append(np.column_stack([np.asarray(f, np.int64) + start, np.full(len(f), part)]).astype(np.uint32))
+        tag = np.where(closed_faces(v, f), part | raster.CLOSED, part)
+        faces.append(np.column_stack([np.asarray(f, np.int64) + start, tag]).astype(np.uint32))
         start += len(v)
     packed_faces = np.concatenate(faces)
     return Geometry(
@@ -42,6 +47,31 @@ def upload(meshes: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> Geome
         start,
         len(packed_faces),
     )
+
+
+def part_of(face: mi.Vector4u) -> mi.UInt32:
+    """The number of the part that a triangle belongs to."""
+    return face.w & (raster.CLOSED - 1)
+
+
+def closed_faces(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Per face whether it belongs to a closed, consistently wound piece, bool [F]: no back of such a face is ever seen.
+
+    Every directed edge of the piece is met once in each direction; vertices at the same place count as one.
+    """
+    size = max(float(np.ptp(vertices, axis=0).max()), 1e-30)
+    _, weld = np.unique(np.round(vertices / (1e-6 * size)).astype(np.int64), axis=0, return_inverse=True)
+    f = weld.reshape(-1)[faces]
+    count = int(f.max()) + 1
+    edges = np.stack([f, np.roll(f, -1, axis=1)], axis=2).reshape(-1, 2).astype(np.int64)
+    forward, backward = edges[:, 0] * count + edges[:, 1], edges[:, 1] * count + edges[:, 0]
+    _, inverse, uses = np.unique(forward, return_inverse=True, return_counts=True)
+    sound = (uses[inverse] == 1) & np.isin(backward, forward)
+    graph = coo_array((np.ones(len(edges)), edges.T), shape=(count, count))
+    _, piece = connected_components(graph, directed=False)
+    torn = np.zeros(piece.max() + 1, bool)
+    torn[piece[edges[~sound, 0]]] = True
+    return ~torn[piece[f[:, 0]]]
 
 
 def posed(points: mi.Float, vertex_count: int, poses: mi.Float) -> mi.Float:

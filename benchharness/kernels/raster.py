@@ -18,7 +18,8 @@ scan conversion using 2D homogeneous coordinates"), its box is that of the part 
 are refused one by one.
 
 Layout. `points` holds 4 floats per vertex (x, y, z and one that is ignored here), `faces` 4 integers per triangle (three
-vertices and one that is ignored here): one packet each. `view` is a `benchharness.api.View`.
+vertices and one whose highest bit, CLOSED, marks triangles whose back is never seen): one packet each. `view` is a
+`benchharness.api.View`.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ import mitsuba as mi
 SMALL_BOX_PX = 384  # largest bounding box that one lane walks
 TILE_PX = 16
 TILE_LANES = 1 << 13  # lanes that share the tiles of large triangles
+CLOSED = 0x8000_0000
 EMPTY = 0xFFFF_FFFF_FFFF_FFFF
 
 
@@ -83,7 +85,7 @@ def setup(points: mi.Float, faces: mi.UInt32, triangle: mi.UInt32, view, box, ac
     """Loads, projects and prepares triangles.
 
     box     (left, top, right, bottom) in pixels, half open, Int32: nothing is drawn outside
-    cull    drop what turns its clockwise side to the eye
+    cull    drop triangles marked CLOSED that turn their clockwise side to the eye
     """
     face = dr.gather(mi.Vector4u, faces, triangle, active)
     h = [_homogeneous(dr.gather(mi.Vector4f, points, i, active), view) for i in (face.x, face.y, face.z)]
@@ -120,7 +122,8 @@ def setup(points: mi.Float, faces: mi.UInt32, triangle: mi.UInt32, view, box, ac
     top, rows = _pixels(low_y, high_y, box[1], box[3])
     drawn = active & dr.isfinite(per_size) & (size != 0) & (front[0] | front[1] | front[2])
     if cull:
-        drawn &= size < 0  # y points down: counter-clockwise in space is negative on the screen
+        # y points down: counter-clockwise in space is negative on the screen.
+        drawn &= (size < 0) | ((face.w & CLOSED) == 0)
     edges = [_edge(h[k], h[(k + 1) % 3], s[k], s[(k + 1) % 3], front[k], front[(k + 1) % 3], size > 0) for k in range(3)]
     return Setup(
         edges, x0, y0, g, gx, gy, dr.rcp(view.near), left, top,
@@ -165,7 +168,7 @@ def _before(a: mi.Vector3f, b: mi.Vector3f) -> mi.Bool:
 
 
 @dr.syntax
-def _walk(t: Setup, triangle: mi.UInt32, left, top, columns, rows, buffer, width: int, stencil, layer) -> None:
+def _walk(t: Setup, triangle: mi.UInt32, left, top, columns, rows, buffer, width: int, limit) -> None:
     """Every lane walks its own box row by row and offers its triangle to the pixels that it covers."""
     column = mi.Int32(0)
     row = mi.Int32(0)
@@ -175,8 +178,8 @@ def _walk(t: Setup, triangle: mi.UInt32, left, top, columns, rows, buffer, width
         g = t.depth(px, py)
         lane = mi.UInt32((top + row) * width + left + column)
         hit = t.covers(px, py) & (g > 0) & (g < t.g_near)
-        if dr.hint(stencil is not None, mode="scalar"):
-            hit &= dr.gather(mi.Int32, stencil, lane, hit) == layer
+        if dr.hint(limit is not None, mode="scalar"):
+            hit &= g <= dr.gather(mi.Float, limit, lane, hit)
         key = (mi.UInt64(0xFFFF_FFFF - dr.reinterpret_array(mi.UInt32, g)) << 32) | mi.UInt64(triangle)
         dr.scatter_reduce(dr.ReduceOp.Min, buffer, key, lane, hit, mode=dr.ReduceMode.Direct)
         column += 1
@@ -186,7 +189,7 @@ def _walk(t: Setup, triangle: mi.UInt32, left, top, columns, rows, buffer, width
 
 
 @dr.syntax
-def _walk_tiles(points, faces, starts, face_count: int, view, box, buffer, stencil, layer, cull: bool) -> None:
+def _walk_tiles(points, faces, starts, face_count: int, view, box, buffer, limit, cull: bool) -> None:
     """A fixed number of lanes takes the tiles of all large triangles in turn."""
     lane = dr.arange(mi.UInt32, TILE_LANES)
     item = mi.UInt32(lane)
@@ -207,7 +210,7 @@ def _walk_tiles(points, faces, starts, face_count: int, view, box, buffer, stenc
             reached &= edge.reaches(px, py, TILE_PX - 1)
         rows = dr.select(reached, dr.minimum(t.top + t.rows - top, TILE_PX), 0)
         columns = dr.minimum(t.left + t.columns - left, TILE_PX)
-        _walk(t, triangle, left, top, columns, rows, buffer, view.width, stencil, layer)
+        _walk(t, triangle, left, top, columns, rows, buffer, view.width, limit)
         item += TILE_LANES
 
 
@@ -218,17 +221,17 @@ def rasterize(
     view,
     *,
     box=None,
-    stencil: mi.Int32 | None = None,
-    layer: mi.Int32 | int = 0,
+    limit: mi.Float | None = None,
     drawn: mi.Bool | None = None,
     cull: bool = False,
 ) -> mi.UInt64:
     """Visibility buffer, UInt64 [height * width]; EMPTY where no triangle covers the pixel centre.
 
     box        (left, top, right, bottom) in pixels, half open; the whole picture if None
-    stencil    Int32 [height * width]; only pixels with `stencil == layer` are drawn
+    limit      Float [height * width]; only what has 1/w up to this is drawn: a stencil (0 shuts a pixel) and a surface
+               behind which everything lies (its own 1/w)
     drawn      Bool [face_count]; the triangles to draw; all if None
-    cull       drop triangles that turn their clockwise side to the eye
+    cull       drop triangles marked CLOSED that turn their clockwise side to the eye
     """
     box = (mi.Int32(0), mi.Int32(0), mi.Int32(view.width), mi.Int32(view.height)) if box is None else box
     buffer = dr.full(mi.UInt64, EMPTY, view.width * view.height)
@@ -239,10 +242,10 @@ def rasterize(
     counts = dr.zeros(mi.UInt32, face_count + 1)
     dr.scatter(counts, dr.select(small, 0, mi.UInt32(tiles)), triangle + 1)
     rows = dr.select(small, t.rows, 0)
-    _walk(t, triangle, t.left, t.top, t.columns, rows, buffer, view.width, stencil, layer)
+    _walk(t, triangle, t.left, t.top, t.columns, rows, buffer, view.width, limit)
     dr.eval(buffer, counts)
     starts = dr.prefix_reduce(dr.ReduceOp.Add, counts, exclusive=False)
-    _walk_tiles(points, faces, starts, face_count, view, box, buffer, stencil, layer, cull)
+    _walk_tiles(points, faces, starts, face_count, view, box, buffer, limit, cull)
     return buffer
 
 
@@ -260,13 +263,15 @@ def ray_through(view, lane: mi.UInt32) -> mi.Vector3f:
 
 
 def barycentric(a: mi.Vector3f, b: mi.Vector3f, c: mi.Vector3f, d: mi.Vector3f) -> mi.Vector3f:
-    """Weights of the corners where the ray from the origin along d meets the plane of a, b, c; they sum to 1.
+    """Weights of the corners where the ray from the origin along d meets the triangle a, b, c; not negative, sum 1.
 
-    Perspective-correct by construction: each weight is the volume that the ray spans with the opposite edge.
+    Perspective-correct by construction: each weight is the volume that the ray spans with the opposite edge. For a ray
+    that misses by rounding, the weights are those of a point on the triangle's edge; without a volume, all are equal.
     """
-    u, v, w = dr.dot(d, dr.cross(b, c)), dr.dot(d, dr.cross(c, a)), dr.dot(d, dr.cross(a, b))
-    scale = dr.rcp(u + v + w)
-    return mi.Vector3f(u * scale, v * scale, w * scale)
+    weights = mi.Vector3f(dr.dot(d, dr.cross(b, c)), dr.dot(d, dr.cross(c, a)), dr.dot(d, dr.cross(a, b)))
+    weights = dr.maximum(weights * dr.sign(weights.x + weights.y + weights.z), 0)
+    total = weights.x + weights.y + weights.z
+    return dr.select(total > 0, weights * dr.rcp(dr.select(total > 0, total, 1)), 1 / 3)
 
 
 def corners(points: mi.Float, faces: mi.UInt32, triangle: mi.UInt32, active: mi.Bool) -> tuple[mi.Vector4u, list]:
