@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from benchharness.report.frontier import DOMINATED, ON
+from benchharness.report.frontier import ON, UNDECIDED
 from benchharness.report.points import BUDGETS_MS, Look, Point, SceneView, along_frames, by_method, curves
 
 PARTS = (("gbuffer_ms", "G-buffer", "#B8C4CE"), ("update_ms", "update", "#E69F00"), ("shade_ms", "shade", "#0072B2"))
@@ -37,13 +37,13 @@ ERROR_AXIS = "mean FLIP in the mirror   (↓ less is better)"
 def limits(view: SceneView) -> tuple[tuple[float, float], tuple[float, float]]:
     """(least, most) ms and (least, most) FLIP of the frontier chart: the points, their bars, and the frame budgets."""
     times = [t for p in view.points for t in (p.time_lo, p.time_hi)] + [ms for ms, _ in BUDGETS_MS]
-    errors = [view.drawn(e) for p in view.points for e in (p.error, *p.spread)] or [view.floor, 1.0]
+    errors = [view.drawn(e) for p in view.points for e in (p.error, *p.spread)]
     errors += [view.noise] if view.noise > 0 else []
     return (min(times) / 1.4, max(times) * 1.4), (min(errors) / 1.5, min(max(errors) * 1.6, 1.5))
 
 
 def frontier_chart(view: SceneView, looks: Mapping[str, Look]) -> Figure:
-    """The frontier of one scene. A scene with no point says so in words."""
+    """The frontier of one scene that has points."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(10.2, 5.8), layout="constrained")
         axes = figure.add_subplot()
@@ -59,11 +59,8 @@ def frontier_chart(view: SceneView, looks: Mapping[str, Look]) -> Figure:
         places = dict(zip(map(id, view.points), view.places, strict=True))
         for method, points in by_method(view.points).items():
             _method(axes, view, points, looks[method], {id(p): places[id(p)].verdict for p in points})
-        if not view.points:
-            axes.text(0.5, 0.5, "no method has both a time and an error here", transform=axes.transAxes, ha="center")
-        else:
-            figure.legend(loc="outside right upper", title="method", alignment="left")
-        note = "Filled: on the frontier. Half: undecided, intervals overlap. Hollow: dominated.\n"
+        figure.legend(loc="outside right upper", title="method", alignment="left")
+        note = "Filled: on the frontier. Half: undecided, intervals overlap. Hollow: dominated, or not in all frames.\n"
         note += "Bars: 95 % interval of the time; least and largest frame's error."
         if any(p.error < view.floor for p in view.points):
             note += f" Errors below {view.floor:g} are drawn there."
@@ -107,7 +104,7 @@ def _method(axes: Axes, view: SceneView, points: list[Point], look: Look, verdic
             color=look.colour, lw=0.8, alpha=0.45, fmt="none", zorder=2,
         )  # fmt: skip
         verdict = verdicts[id(point)]
-        fill = "full" if verdict == ON else "none" if verdict == DOMINATED else "left"
+        fill = {ON: "full", UNDECIDED: "left"}.get(verdict, "none")
         axes.plot(
             [point.time], [y], color=look.colour, marker=look.marker[0], ms=7.5, fillstyle=fill, ls="",
             markerfacecoloralt="white", markeredgewidth=1.3, zorder=3,
@@ -139,9 +136,8 @@ def path_chart(view: SceneView, looks: Mapping[str, Look]) -> Figure:
         if view.noise > 0:
             errors.axhspan(errors.get_ylim()[0], view.noise, color="#F3E8D2", zorder=0)
         figure.suptitle(f"{view.title}: each method at its least error", x=0.01, ha="left", fontweight="bold")
-        if best:
-            handles, names = errors.get_legend_handles_labels()
-            figure.legend(handles, names, loc="outside right lower", title="method", alignment="left")
+        handles, names = errors.get_legend_handles_labels()
+        figure.legend(handles, names, loc="outside right lower", title="method", alignment="left")
     return figure
 
 

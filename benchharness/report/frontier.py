@@ -16,7 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-ON, DOMINATED, UNDECIDED = "on the frontier", "dominated", "undecided"
+ON, DOMINATED, UNDECIDED, PARTIAL = "on the frontier", "dominated", "undecided", "partial"
+"""PARTIAL is for a point that is a mean over fewer frames than the others: it takes no part."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from benchharness import results
-from benchharness.report.frontier import Place, classify, staircase
+from benchharness.report.frontier import PARTIAL, Place, classify, staircase
 
 BUDGETS_MS = ((6.9, "144 Hz"), (11.1, "90 Hz"), (16.7, "60 Hz"))
 """Frame budgets in ms, and the display that has them: 1000 / 144, 1000 / 90, 1000 / 60."""
@@ -43,6 +43,7 @@ class Point:
     time    ms: median of frame_ms, with its interval: that of shade, the only part that is measured in rounds
     error   mean FLIP over frames; spread: its least and largest frame
     noise   mean FLIP that the reference's own noise causes; the error is known within it
+    frames  number of frames that the error is a mean of
     row     the summary row (`results.SUMMARY_COLUMNS`)
     """
 
@@ -54,6 +55,7 @@ class Point:
     error: float
     spread: tuple[float, float]
     noise: float
+    frames: int
     row: Mapping
 
     @property
@@ -66,7 +68,8 @@ class SceneView:
     """All that the report says about one (scene, detail).
 
     rows      summary rows, in the order of the records
-    points    the rows that have a time and an error; `places` in the same order
+    points    the rows that have a time and an error; `places` in the same order. A point with fewer frames than
+              others (it crashed in some) is a mean over other pictures: drawn, but not ranked
     undrawn   rows without one of them, with the reason in words
     records   the records of the scene
     """
@@ -100,8 +103,12 @@ class SceneView:
     @property
     def frontier(self) -> list[Point]:
         """The points of the drawn frontier, by ascending time."""
-        steps = staircase([p.time for p in self.points], [p.error for p in self.points])
-        return [self.points[i] for i in steps]
+        points = self.ranked
+        return [points[i] for i in staircase([p.time for p in points], [p.error for p in points])]
+
+    @property
+    def ranked(self) -> list[Point]:
+        return [p for p, place in zip(self.points, self.places, strict=True) if place.verdict != PARTIAL]
 
     @property
     def best(self) -> dict[str, Point]:
@@ -115,7 +122,7 @@ class SceneView:
 
     def within(self, budget_ms: float) -> Point | None:
         """The most accurate point whose time, with its interval, fits the budget."""
-        return min((p for p in self.points if p.time_hi <= budget_ms), key=lambda p: (p.error, p.time), default=None)
+        return min((p for p in self.ranked if p.time_hi <= budget_ms), key=lambda p: (p.error, p.time), default=None)
 
 
 def views(records: Sequence[dict]) -> list[SceneView]:
@@ -136,18 +143,24 @@ def _view(scene: str, detail: str, records: list[dict]) -> SceneView:
         elif row["flip"] is None or not row["frame_ms"]:
             view.undrawn.append((row, f"has no {'flip' if row['flip'] is None else 'frame_ms'}"))
         else:
-            view.points.append(_point(row))
-    noise = [min(p.noise, p.error) for p in view.points]
-    view.places = classify(
-        [p.time_lo for p in view.points],
-        [p.time_hi for p in view.points],
-        [p.error - n for p, n in zip(view.points, noise, strict=True)],
-        [p.error + p.noise for p in view.points],
+            mine = [r for r in records if (r["method"], r["params"]) == (row["method"], row["params"])]
+            view.points.append(_point(row, sum(r["status"] == "ok" and r["flip"] is not None for r in mine)))
+    most = max((point.frames for point in view.points), default=0)
+    full = [i for i, point in enumerate(view.points) if point.frames == most]
+    ranked = [view.points[i] for i in full]
+    found = classify(
+        [p.time_lo for p in ranked],
+        [p.time_hi for p in ranked],
+        [max(p.error - p.noise, 0.0) for p in ranked],
+        [p.error + p.noise for p in ranked],
     )
+    view.places = [Place(PARTIAL)] * len(view.points)
+    for i, place in zip(full, found, strict=True):
+        view.places[i] = Place(place.verdict, tuple(full[j] for j in place.by))
     return view
 
 
-def _point(row: dict) -> Point:
+def _point(row: dict, frames: int) -> Point:
     below = above = 0.0
     if None not in (row["shade_ms"], row["shade_ms_lo"], row["shade_ms_hi"]):
         below, above = row["shade_ms"] - row["shade_ms_lo"], row["shade_ms_hi"] - row["shade_ms"]
@@ -161,6 +174,7 @@ def _point(row: dict) -> Point:
         error=row["flip"],
         spread=(row["flip_min"], row["flip_max"]),
         noise=row["reference_noise"] or 0.0,
+        frames=frames,
         row=row,
     )
 

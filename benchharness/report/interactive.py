@@ -1,0 +1,158 @@
+"""The charts of `chart` for the page: plotly figures, as HTML without the library itself (the page has it once)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from html import escape
+from typing import Any
+
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from benchharness.report.chart import ERROR_AXIS, PARTS, REST, TIME_AXIS, limits, parts
+from benchharness.report.frontier import ON, PARTIAL, UNDECIDED, Place
+from benchharness.report.points import BUDGETS_MS, Look, Point, SceneView, along_frames, by_method, curves
+
+LAYOUT: Any = {
+    "template": "none",
+    "font": {"family": "system-ui, sans-serif", "size": 13, "color": "#1F2933"},
+    "margin": {"l": 70, "r": 20, "t": 30, "b": 60},
+    "hoverlabel": {"align": "left"},
+    "legend": {"itemsizing": "constant", "groupclick": "togglegroup"},
+}
+GRID: Any = {"gridcolor": "#E5E7EB", "zeroline": False, "linecolor": "#6B7280", "ticks": "outside"}
+LOG: Any = {**GRID, "type": "log", "dtick": "D2", "exponentformat": "none"}
+
+TITLES = ["Every frame: median ms", "Once per scene: prepare ms", "Frame ms along the path", "FLIP along the path"]
+
+
+def html(figure: go.Figure, name: str) -> str:
+    """The figure as a <div> with the id `name` and its script."""
+    return figure.to_html(
+        full_html=False, include_plotlyjs=False, div_id=name, config={"displaylogo": False, "responsive": True}
+    )
+
+
+def frontier_figure(view: SceneView, looks: Mapping[str, Look]) -> go.Figure:
+    """As `chart.frontier_chart`; the marker of an undecided point has a dot, of a dominated one is hollow."""
+    (left, right), (bottom, top) = limits(view)
+    figure = go.Figure(layout=LAYOUT)
+    figure.update_layout(height=520)
+    figure.update_xaxes(title=TIME_AXIS, range=_log10(left, right), **LOG)
+    figure.update_yaxes(title=ERROR_AXIS, range=_log10(bottom, top), **LOG)
+    _background(figure, view, left, bottom)
+    if line := view.frontier:
+        x = [line[0].time, *(p.time for p in line), right]
+        y = [top, *(view.drawn(p.error) for p in line), view.drawn(line[-1].error)]
+        look = {"color": "#C3CAD3", "width": 5, "shape": "hv"}
+        figure.add_scatter(x=x, y=y, mode="lines", line=look, name="frontier", hoverinfo="skip")
+    places = {id(point): place for point, place in zip(view.points, view.places, strict=True)}
+    for method, points in by_method(view.points).items():
+        for number, curve in enumerate(curves(points)):
+            _curve(figure, view, curve, looks[method], [places[id(p)] for p in curve], number == 0)
+    return figure
+
+
+def _log10(low: float, high: float) -> list[float]:
+    return [math.log10(low), math.log10(high)]
+
+
+def _background(figure: go.Figure, view: SceneView, left: float, bottom: float) -> None:
+    """Frame budgets and the reference's noise. On a log axis shapes are at values, annotations at their log10."""
+    text = {"showarrow": False, "font": {"size": 11, "color": "#6B7280"}}
+    for ms, hertz in BUDGETS_MS:
+        line = {"color": "#9CA3AF", "width": 1, "dash": "dash"}
+        figure.add_shape(type="line", x0=ms, x1=ms, y0=0, y1=1, yref="paper", line=line, layer="below")
+        label = f"{ms:g} ms · {hertz}"
+        figure.add_annotation(x=math.log10(ms), y=1, yref="paper", yanchor="bottom", text=label, **text)
+    if view.noise > 0:
+        band = {"x0": 0, "x1": 1, "xref": "paper", "y0": bottom, "y1": view.noise}
+        figure.add_shape(type="rect", fillcolor="#F3E8D2", line_width=0, layer="below", **band)
+        at = {"x": math.log10(left), "y": math.log10(view.noise), "xanchor": "left", "yanchor": "top"}
+        figure.add_annotation(text="reference's noise: not ranked below", **at, **text)
+
+
+def _curve(figure: go.Figure, view: SceneView, curve: list[Point], look: Look, places: list[Place], first: bool):
+    suffix = {ON: "", UNDECIDED: "-open-dot"}
+    y = [view.drawn(p.error) for p in curve]
+    figure.add_scatter(
+        x=[p.time for p in curve],
+        y=y,
+        mode="lines+markers",
+        name=curve[0].method,
+        legendgroup=curve[0].method,
+        showlegend=first,
+        line={"color": look.colour, "dash": look.dash[1], "width": 1.6},
+        marker={"symbol": [look.marker[1] + suffix.get(place.verdict, "-open") for place in places], "size": 11},
+        error_x={
+            "array": [p.time_hi - p.time for p in curve], "arrayminus": [p.time - p.time_lo for p in curve],
+            "thickness": 1, "width": 2,
+        },
+        error_y={
+            "array": [max(view.drawn(p.spread[1]) - e, 0.0) for p, e in zip(curve, y, strict=True)],
+            "arrayminus": [max(e - view.drawn(p.spread[0]), 0.0) for p, e in zip(curve, y, strict=True)],
+            "thickness": 0.8, "width": 0,
+        },
+        text=[_hover(view, p, place) for p, place in zip(curve, places, strict=True)],
+        hovertemplate="%{text}<extra></extra>",
+    )  # fmt: skip
+
+
+def _hover(view: SceneView, point: Point, place: Place) -> str:
+    lines = [
+        f"<b>{escape(point.method)}</b> {escape(point.params)}",
+        f"frame {point.time:.3g} ms [{point.time_lo:.3g}, {point.time_hi:.3g}]",
+        f"FLIP {point.error:.3g}, frames {point.spread[0]:.3g} to {point.spread[1]:.3g}",
+        standing(view, place),
+    ]
+    return "<br>".join(lines)
+
+
+def standing(view: SceneView, place: Place) -> str:
+    """A place in words: "dominated by box", "undecided against newton (h_max=0.1) and 2 more"."""
+    first = next(iter(place.by), None)
+    if first is None:
+        return "not in all frames: not ranked" if place.verdict == PARTIAL else place.verdict
+    rest = f" and {len(place.by) - 1} more" if len(place.by) > 1 else ""
+    word = "against" if place.verdict == UNDECIDED else "by"
+    return f"{place.verdict} {word} {view.points[first].name}{rest}"
+
+
+def path_figure(view: SceneView, looks: Mapping[str, Look]) -> go.Figure:
+    """As `chart.path_chart`."""
+    best = list(view.best.values())
+    names = [p.method for p in best]
+    bars = 28 * max(len(best), 3) + 60
+    figure = make_subplots(
+        rows=2, cols=2, row_heights=[bars, 330], vertical_spacing=90 / (bars + 420), horizontal_spacing=0.1,
+        subplot_titles=TITLES,
+    )  # fmt: skip
+    figure.update_layout(LAYOUT, height=bars + 470, barmode="stack", margin={"l": 160, "r": 20, "t": 40, "b": 50})
+    figure.update_xaxes(**GRID)
+    figure.update_yaxes(**GRID)
+    for k, (name, colour) in enumerate([*((name, colour) for _, name, colour in PARTS), REST]):
+        figure.add_bar(
+            x=[parts(p)[k] for p in best], y=names, orientation="h", name=name, marker_color=colour, row=1, col=1,
+            legendgroup="parts", legendgrouptitle_text="part of a frame",
+        )  # fmt: skip
+    prepare = [p.row["prepare_ms"] for p in best]
+    figure.add_bar(
+        x=prepare, y=names, orientation="h", name="prepare", marker_color="#009E73", showlegend=False, row=1, col=2
+    )
+    figure.update_yaxes(autorange="reversed", row=1)
+    figure.update_yaxes(showticklabels=False, row=1, col=2)
+    figure.update_xaxes(type="log", dtick=1, row=1, col=2)
+    figure.update_xaxes(title="frame", row=2)
+    figure.update_yaxes(type="log", dtick="D2", row=2)
+    for point in best:
+        look = looks[point.method]
+        for col, column in ((1, "frame_ms"), (2, "flip")):
+            frames, values = along_frames(view, point, column)
+            figure.add_scatter(
+                x=frames, y=[view.drawn(v) for v in values] if column == "flip" else values, row=2, col=col,
+                mode="lines+markers", line={"color": look.colour, "dash": look.dash[1], "width": 1.6},
+                marker={"symbol": look.marker[1], "size": 7}, name=point.method, legendgroup=f"method {point.method}",
+                showlegend=col == 1, hovertemplate=f"{escape(point.name)}<br>frame %{{x}}: %{{y:.3g}}<extra></extra>",
+            )  # fmt: skip
+    return figure
