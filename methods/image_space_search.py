@@ -14,6 +14,8 @@ Where we differ:
 * `placement = "mirror"` is the paper's: V mirrored in the plane at the best texel. It multiplies the error of the texel by
   the mirror's curvature; "on_ray" puts V on the eye's ray through R, which keeps the error within the texel.
 * The printed equation (1), for hidden vertices, has the wrong sign: kernels.optics.mirrored.
+* `hidden = "cut"` ends a triangle where it becomes hidden. The paper keeps its hidden vertices and mirrors them in a plane of
+  the mirror: right for the topology, but a triangle that is large beside the mirror is swept across it.
 * `subtexel` goes on from the best texel to where half vector and normal agree between texels (one Gauss-Newton step).
 * `start = "pyramid"` lets a cold search begin with wide strides; the paper starts at the centre with single texels.
 * A vertex that starts on a texel that the reflector has left begins anew from the middle of the reflector's picture.
@@ -30,14 +32,12 @@ import numpy as np
 from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection, Surface, Vertices, View
-from benchharness.kernels import geometry, optics, raster, search
+from benchharness.kernels import geometry, optics, search, virtual
 from benchharness.scene import Scene
 
 COLD = 0xFFFF_FFFF
 PYRAMID_STRIDE = 32  # texels; first stride of a cold search
 CUT_TURN = 0.05  # a cut: the view turned by more than this (radians) or the eye moved by more than this share of its distance
-
-CONTACT = 1e-3  # share of the mirror's depth that an image may lie in front of it: what touches the mirror is at its depth
 
 UNKNOWN, REFLECTED, UNREFLECTED, HIDDEN = range(4)
 
@@ -51,7 +51,7 @@ class Options:
     placement: str
     subtexel: bool
     widening: float
-    inverse: str
+    hidden: str
     pyramid: bool
 
 
@@ -81,8 +81,9 @@ class ImageSpaceSearch(Method):
     placement      where V goes: on the eye's ray through R, or its mirror image in the plane at R (the paper)
     subtexel       refine R between texels
     widening       the texture sees this much more than the picture in tan(fov / 2)
-    inverse        rule for hidden vertices: "lookup" mirrors V in the texel that V itself is seen in, "simple" in the
-                   texel where the search ended (the paper in practice), "full" searches (the paper)
+    hidden         triangles with hidden vertices: "cut" where they become hidden; or drawn with V mirrored in the plane of
+                   the texel that V is seen in ("lookup"), of the one where the search ended ("simple", the paper in
+                   practice), or of the one that its mirror image is reflected at ("full", the paper)
     start          cold search: "pyramid" halves the stride from 32 texels, "centre" takes single texels
     warm           start where the last frame's search ended
     max_iter       neighbourhoods after which a search gives up
@@ -93,7 +94,7 @@ class ImageSpaceSearch(Method):
     placement: Literal["on_ray", "mirror"] = "on_ray"
     subtexel: bool = True
     widening: Annotated[float, Field(ge=1, le=4)] = 1.25
-    inverse: Literal["lookup", "simple", "full"] = "lookup"
+    hidden: Literal["cut", "lookup", "simple", "full"] = "cut"
     start: Literal["pyramid", "centre"] = "pyramid"
     warm: bool = True
     max_iter: Annotated[int, Field(ge=1)] = 4096
@@ -115,20 +116,21 @@ class ImageSpaceSearch(Method):
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         options = Options(
-            self.score, self.neighbourhood, self.placement, self.subtexel, self.widening, self.inverse, self.start == "pyramid"
+            self.score, self.neighbourhood, self.placement, self.subtexel, self.widening, self.hidden, self.start == "pyramid"
         )
         warm = self.warm and state.view is not None
         L, distance, found, texels, reports = mi.Color3f(0), mi.Float(0), mi.Bool(False), [], []
         for i, proxy in enumerate(frame.proxies):
             part = dr.opaque(mi.UInt32, state.objects + i)
             last = state.texels[i] if warm else dr.full(mi.UInt32, COLD, state.triangles.vertex_count)
-            moved, at, ended, report = _search(
+            images, mirror, ended, report = _search(
                 state.points, proxy, frame.poses, part, frame.view, state.view if warm else frame.view, last,
                 state.triangles.vertex_count, dr.opaque(mi.UInt32, self.max_iter), options,
             )  # fmt: skip
             own, length, covered = _draw(
-                moved, state.points, at, state.triangles, part, frame.view, frame.p, frame.reflector, dr.opaque(mi.Int32, i)
-            )
+                images, state.points, state.triangles, part, frame.view, frame.p, frame.reflector, dr.opaque(mi.Int32, i),
+                mirror, self.hidden == "cut",
+            )  # fmt: skip
             mine = frame.reflector == i
             L, distance, found = dr.select(mine, own, L), dr.select(mine, length, distance), dr.select(mine, covered, found)
             texels.append(ended)
@@ -145,7 +147,7 @@ class ImageSpaceSearch(Method):
 
 @dr.freeze
 def _search(points, proxy: Surface, poses, part, view: View, last_view: View, last, count: int, max_iter, options: Options):
-    """Virtual vertices (x, y, z, kind: 0 none, 1 reflected, 2 hidden), reflection points, end texels, what is reported."""
+    """Virtual vertices, the texture and its camera, the texels where the searches ended, and what is reported."""
     pose = [dr.gather(mi.Vector4f, poses, part * 3 + k) for k in range(3)]
     camera = search.widened(view, options.widening)
     texels = search.render(proxy, pose, camera)
@@ -169,18 +171,17 @@ def _search(points, proxy: Surface, poses, part, view: View, last_view: View, la
     # The image: behind the point for what is reflected, in front of the mirror for what is hidden.
     image = optics.on_ray(V, R, camera.eye) if options.placement == "on_ray" else optics.mirrored(V, R, n)
     plane_R, plane_n = R, n
-    if options.inverse != "simple":
+    if options.hidden in ("lookup", "full"):
         c, r, seen = search.texel_of(camera, V)
-        if options.inverse == "full":
+        if options.hidden == "full":
             c, r, *_ = search.climb("inverse", options.neighbourhood, texels, camera, V, c, r, mi.Int32(1), hidden & seen, max_iter)
         seen, P, N = search.fetch(texels, camera, c, r, hidden & seen)
         plane_R, plane_n = dr.select(seen, P, R), dr.select(seen, N, n)
     image = dr.select(hidden, optics.mirrored(V, plane_R, plane_n), image)
-    kind = dr.select(reflected, mi.Float(1), dr.select(hidden, mi.Float(2), mi.Float(0)))
-    moved = dr.empty(mi.Float, 4 * count)
-    dr.scatter(moved, mi.Vector4f(image.x, image.y, image.z, kind), lane)
-    reflected_at = dr.empty(mi.Float, 4 * count)
-    dr.scatter(reflected_at, mi.Vector4f(R.x, R.y, R.z, 0), lane)
+    kind = dr.select(reflected, virtual.REFLECTED, dr.select(hidden, virtual.HIDDEN, virtual.NONE))
+    images = virtual.Images(dr.empty(mi.Float, 4 * count), dr.empty(mi.Float, 4 * count))
+    dr.scatter(images.moved, mi.Vector4f(image.x, image.y, image.z, kind), lane)
+    dr.scatter(images.at, mi.Vector4f(R.x, R.y, R.z, 0), lane)
 
     region = dr.select(reflected, mi.UInt32(REFLECTED), dr.select(hidden, mi.UInt32(HIDDEN), mi.UInt32(UNKNOWN)))
     report = {
@@ -188,7 +189,7 @@ def _search(points, proxy: Surface, poses, part, view: View, last_view: View, la
         "iterations": found.iterations, "residual": found.residual, "border": found.border, "reads": found.reads,
     }  # fmt: skip
     ended = dr.select(reflected | hidden, mi.UInt32(found.row * camera.width + found.column), COLD)
-    return moved, reflected_at, ended, report
+    return images, (texels, camera), ended, report
 
 
 def _cut(view: View, last: View) -> mi.Bool:
@@ -199,34 +200,5 @@ def _cut(view: View, last: View) -> mi.Bool:
 
 
 @dr.freeze
-def _draw(moved, points, reflected_at, triangles: geometry.Geometry, part, view: View, p, reflector, layer):
-    """The virtual scene in one mirror: radiance, length of the reflected ray, coverage, one lane per pixel."""
-    lane = dr.arange(mi.UInt32, triangles.face_count)
-    face, corner = raster.corners(moved, triangles.faces, lane, mi.Bool(True))
-    kinds = [q.w for q in corner]
-    drawn = (geometry.part_of(face) != part) & (kinds[0] > 0) & (kinds[1] > 0) & (kinds[2] > 0)
-    drawn &= (kinds[0] < 2) | (kinds[1] < 2) | (kinds[2] < 2)
-    for q in corner:
-        drawn &= dr.dot(view.w, mi.Vector4f(q.x, q.y, q.z, 1)) > view.near
-    drawn &= _turned_to_mirror(points, reflected_at, face, kinds)
-
-    # A virtual image lies behind its mirror: what a triangle with a hidden vertex has in front of it shows nothing.
-    mirror = dr.dot(view.w, mi.Vector4f(p.x, p.y, p.z, 1))
-    limit = dr.select(reflector == layer, dr.rcp(mirror * (1 - CONTACT)), 0)
-    visibility = raster.rasterize(moved, triangles.faces, triangles.face_count, view, limit=limit, drawn=drawn)
-    pixel = dr.arange(mi.UInt32, view.width * view.height)
-    hit, face, weights, q = raster.seen(moved, triangles.faces, visibility, view, pixel, reflector == layer)
-    value = raster.interpolate(triangles.attributes, face, weights, hit)
-    distance = dr.maximum(dr.norm(q - view.eye) - dr.norm(p - view.eye), 0)
-    return dr.select(hit, mi.Color3f(value.x, value.y, value.z), 0), dr.select(hit, distance, 0), hit
-
-
-def _turned_to_mirror(points, reflected_at, face, kinds) -> mi.Bool:
-    """Whether a triangle shows its front to the reflection point of any of its reflected vertices, or has no back."""
-    V = [dr.gather(mi.Vector4f, points, i).xyz for i in (face.x, face.y, face.z)]
-    normal = dr.cross(V[1] - V[0], V[2] - V[0])
-    fronts = mi.Bool(False)
-    for v, i, kind in zip(V, (face.x, face.y, face.z), kinds, strict=True):
-        R = dr.gather(mi.Vector4f, reflected_at, i).xyz
-        fronts |= (kind < 2) & (dr.dot(R - v, normal) > 0)
-    return fronts | ((face.w & raster.CLOSED) == 0)
+def _draw(images: virtual.Images, points, triangles: geometry.Geometry, part, view: View, p, reflector, layer, mirror, cut: bool):
+    return virtual.draw(images, points, triangles, part, view, p, reflector == layer, mirror, cut)
