@@ -51,7 +51,8 @@ class Mesh:
             bad = int(np.flatnonzero(~np.isfinite(vertices).all(axis=1))[0])
             raise ValueError(f"mesh: vertex {bad} is {vertices[bad]}; accepted: finite coordinates")
         if faces.min() < 0 or faces.max() >= len(vertices):
-            raise ValueError(f"mesh: a face names vertex {faces.max()}; accepted: 0 to {len(vertices) - 1}")
+            bad = faces.min() if faces.min() < 0 else faces.max()
+            raise ValueError(f"mesh: a face names vertex {bad}; accepted: 0 to {len(vertices) - 1}")
         normals = vertex_normals(vertices, faces) if self.normals is None else np.asarray(self.normals, np.float64)
         for name, value in [
             ("vertices", vertices),
@@ -158,8 +159,14 @@ def _split_faces(f: np.ndarray, middle: np.ndarray, v: np.ndarray) -> np.ndarray
     out.append(np.stack([m[:, 0], a[:, 1], m[:, 1]], axis=1))
     first = np.linalg.norm(v[a[:, 0]] - v[m[:, 1]], axis=1) <= np.linalg.norm(v[m[:, 0]] - v[a[:, 2]], axis=1)
     one, two = first[:, None], ~first[:, None]
-    out += [(np.stack([a[:, 0], m[:, 0], m[:, 1]], axis=1))[one[:, 0]], np.stack([a[:, 0], m[:, 1], a[:, 2]], axis=1)[one[:, 0]]]
-    out += [(np.stack([a[:, 0], m[:, 0], a[:, 2]], axis=1))[two[:, 0]], np.stack([m[:, 0], m[:, 1], a[:, 2]], axis=1)[two[:, 0]]]
+    out += [
+        (np.stack([a[:, 0], m[:, 0], m[:, 1]], axis=1))[one[:, 0]],
+        np.stack([a[:, 0], m[:, 1], a[:, 2]], axis=1)[one[:, 0]],
+    ]
+    out += [
+        (np.stack([a[:, 0], m[:, 0], a[:, 2]], axis=1))[two[:, 0]],
+        np.stack([m[:, 0], m[:, 1], a[:, 2]], axis=1)[two[:, 0]],
+    ]
 
     # Three: the corners and the middle.
     a, m = f[count == 3], middle[count == 3]
@@ -300,6 +307,4 @@ def refined(scene: Scene) -> Scene:
     if scene.h_max is None:
         return scene
     h_max = scene.h_max
-    return replace(
-        scene, objects=tuple(replace(o, mesh=subdivided(o.mesh, h_max)) for o in scene.objects), h_max=None
-    )
+    return replace(scene, objects=tuple(replace(o, mesh=subdivided(o.mesh, h_max)) for o in scene.objects), h_max=None)

@@ -54,7 +54,10 @@ def concave_bowl(at: tuple[float, float, float], towards: tuple[float, float, fl
     rim = np.flatnonzero(abs(n[:, 2]) < 1e-9)
     rim = rim[np.argsort(np.arctan2(n[rim, 1], n[rim, 0]))]
     next_rim = np.roll(rim, -1)
-    joint = [np.stack([rim, next_rim, count + next_rim], axis=1), np.stack([rim, count + next_rim, count + rim], axis=1)]
+    joint = [
+        np.stack([rim, next_rim, count + next_rim], axis=1),
+        np.stack([rim, count + next_rim, count + rim], axis=1),
+    ]
     faces = np.concatenate([f[:, ::-1], count + f, *joint])
     vertices = np.concatenate([RADIUS * n, (RADIUS + CONCAVE_WALL) * n])
     closed = Mesh(vertices @ turn.T + centre, faces, np.concatenate([-n, n]) @ turn.T)

@@ -237,8 +237,8 @@ def arc(centre, u, v, from_deg: float, to_deg: float, count: int) -> np.ndarray:
 def contact_sheet(lo, hi, z: float, spacing: float, feet: Sequence[tuple[float, float, float]], albedo: Colour) -> Mesh:
     """A horizontal rectangle from `lo` to `hi` (x, y) that faces up, finer where things stand on it.
 
-    Around each foot (x, y, radius) run rings of vertices that catch its contact shadow; none lies underneath, where no
-    light would reach it and from where darkness would be interpolated to what is seen.
+    Around each foot (x, y, radius) run rings of vertices that catch its contact shadow; none (but a corner of the
+    rectangle) lies underneath, where no light would reach it and from where darkness would be interpolated to what is seen.
     """
     s, t = np.meshgrid(steps(lo[0], hi[0], spacing), steps(lo[1], hi[1], spacing))
     rings = [np.stack([s.ravel(), t.ravel()], axis=1)]
@@ -262,6 +262,7 @@ def contact_sheet(lo, hi, z: float, spacing: float, feet: Sequence[tuple[float, 
         own = (owner - 1) // len(offsets) == k
         keep &= own | (away > radius + 0.002)
         keep[: len(rings[0])] &= (away[: len(rings[0])] > radius + 0.06) | border
+    keep[: len(rings[0])] |= (np.isin(rings[0][:, 0], [lo[0], hi[0]])) & (np.isin(rings[0][:, 1], [lo[1], hi[1]]))
     points = points[keep]
     faces = Delaunay(points).simplices
     corners = points[faces]
