@@ -1,11 +1,13 @@
 """A kitchen with one large metal bowl on the table, towards which the camera moves.
 
-The bowl is the mirror (`scenes.bowls`): `convex` is an upturned bowl, seen from outside; `concave` a hemisphere seen from
-inside; `torus` the outer band of a ring mould. The room has a window, a lamp and surfaces of many albedos, so that light,
-contact shadows and long straight edges can all be judged in the reflection.
+The bowl is the mirror (`scenes.bowls`): `convex` is an upturned bowl, seen from outside; `concave` a hemisphere seen
+from inside; `torus` the outer band of a ring mould. The room has a window, a lamp and surfaces of many albedos, so that
+light, contact shadows and long straight edges can all be judged in the reflection.
 
-Two details of the same room. `paper` has the number of vertices of the kitchen in Estalella et al. 2006: 11,379 as built
-and 14,979 after `refined`, spent on round things. `lean` is what the picture needs: see DETAILS.
+Two details of the same room. `paper` has as many vertices as the kitchen of Estalella et al. 2006: 11,379 as built and
+14,979 after `refined`, spent on round things. `lean` is what the picture needs: about 7,000 as built (2,305 of them the
+bowl's) and 12,800 after `refined` with edges of 0.3 m at most. So refined, an edge's image in the convex bowl departs
+from the true curve by 0.07 pixels (median), 0.8 (95 %), 1.8 (99 %) in the nearest frame at 720 x 512.
 """
 
 from __future__ import annotations
@@ -124,7 +126,7 @@ class Dolly:
         distance = self.distance[0] * (self.distance[1] / self.distance[0]) ** s
         way = np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
         eye = np.asarray(self.centre) + distance * way
-        target = np.asarray(self.centre) + [0.0, 0.0, mix(self.look_above)]
+        target = np.add(self.centre, [0.0, 0.0, mix(self.look_above)])
         return Camera(tuple(eye.tolist()), tuple(target.tolist()), fov_deg=45.0)
 
 
@@ -138,7 +140,7 @@ CAMERAS = {
 
 @dataclass(frozen=True)
 class Roll:
-    """A ball of `radius` about the origin that rolls on the table from `start` to `end` (x, y) in `duration` seconds."""
+    """A ball of `radius` about the origin that rolls on the table, `start` to `end` (x, y), in `duration` seconds."""
 
     start: tuple[float, float]
     end: tuple[float, float]
@@ -324,10 +326,16 @@ def _on_the_table(d: Detail, moving: bool) -> tuple[list[Object], list[tuple[flo
 def _along_the_walls(d: Detail) -> list[Object]:
     """What stands on worktops, shelves and dresser."""
     n, counter = d.far, kitchen_room.COUNTER
-    fillings: list[tuple[Colour, Colour]] = [((0.75, 0.60, 0.38), kitchen_room.OAK), ((0.45, 0.12, 0.06), kitchen_room.OAK),
-                                             ((0.30, 0.36, 0.12), kitchen_room.OAK), ((0.16, 0.32, 0.42), kitchen_room.SAGE)]  # fmt: skip
+    oak, sage = kitchen_room.OAK, kitchen_room.SAGE
+    fillings: list[tuple[Colour, Colour]] = [
+        ((0.75, 0.60, 0.38), oak),
+        ((0.45, 0.12, 0.06), oak),
+        ((0.30, 0.36, 0.12), oak),
+        ((0.16, 0.32, 0.42), sage),
+    ]
     jars = [placed(kitchenware.jar(n, *pair), (-0.75 + 0.17 * k, 1.88, 1.525)) for k, pair in enumerate(fillings)]
-    row = [placed(kitchenware.plate(n, (0.10, 0.24, 0.45)), (-1.38 + 0.45 * k, -1.93, 1.4), 180, 80) for k in range(2)]  # fmt: skip
+    dish = kitchenware.plate(n, (0.10, 0.24, 0.45))
+    row = [placed(dish, (-1.38 + 0.45 * k, -1.93, 1.4), 180, 80) for k in range(2)]
     board = placed(
         box((-0.16, 0, 0), (0.16, 0.02, 0.42), kitchen_room.DARK_OAK, "-z", bevel=0.005),
         (-0.55, 1.90, counter),
@@ -337,7 +345,8 @@ def _along_the_walls(d: Detail) -> list[Object]:
                          (0.58, 0.33, 0.14)), (-0.20, 1.68, counter + 0.062), 70, 90)  # fmt: skip
     return [
         Object("jars", merged(*jars), "a row of small coloured things on the shelf over the worktop"),
-        Object("pot", placed(kitchenware.pot(n + 2, (0.14, 0.30, 0.40)), (0.45, 1.84, counter + 0.012), 15), "a large blue thing on the hob"),
+        Object("pot", placed(kitchenware.pot(n + 2, (0.14, 0.30, 0.40)), (0.45, 1.84, counter + 0.012), 15),
+               "a large blue thing on the hob"),
         Object("board", merged(board, bread), "a chopping board and a loaf against the bright splashback"),
         Object("dresser-plates", merged(*row), "round things on straight shelves behind the camera"),
     ]  # fmt: skip

@@ -63,7 +63,7 @@ def _turned(mesh: Mesh) -> Mesh:
 
 
 def window(daylight: float) -> list[Object]:
-    """Panes and frame; `daylight` is the sky's radiance. Each pane emits one radiance, so that renderers can sample it."""
+    """Panes and frame; `daylight` is the sky's radiance. Each pane emits one radiance: renderers can sample it."""
     y0, y1, z0, z1 = WINDOW
     view = [
         (
@@ -92,7 +92,7 @@ def window(daylight: float) -> list[Object]:
     ]
     return [
         *panes,
-        Object("window-frame", merged(*bars), "straight bars against the light, whose curves in the bowl show every error"),
+        Object("window-frame", merged(*bars), "straight bars against the light, whose images in the bowl are curves"),
     ]  # fmt: skip
 
 

@@ -116,7 +116,7 @@ def test_every_object_has_its_own_name_says_what_it_shows_and_is_wound_like_its_
         # A face may stand at an angle to a shared normal, never opposite to the three of them.
         agreement = (face_normals(o.mesh) * o.mesh.normals[o.mesh.faces].sum(axis=1)).sum(axis=1)
         assert agreement.min() > 0, o.name
-        assert 0.03 <= o.mesh.albedo.min(), o.name
+        assert o.mesh.albedo.min() >= 0.03, o.name
         assert o.mesh.albedo.max() <= 0.87, o.name
 
 
@@ -155,7 +155,8 @@ def test_nothing_enters_the_bowl_while_things_move(bowl):
     for time in (0.0, 2.0, 4.0):
         for o in scene.objects:
             mesh = o.mesh.transformed(o.pose(time))
-            if time > 0 and o.motion is None or (mesh.vertices.max(0) < lo).any() or (mesh.vertices.min(0) > hi).any():
+            apart = (mesh.vertices.max(axis=0) < lo).any() or (mesh.vertices.min(axis=0) > hi).any()
+            if apart or (time > 0 and o.motion is None):
                 continue
             points = subdivided(mesh, 0.06).vertices
             # The proxy goes through the table top; what is seen of it does not.
@@ -198,7 +199,7 @@ def test_the_convex_proxy_is_convex_and_its_normals_are_the_ellipsoids():
 
 def test_the_concave_bowls_normals_point_to_its_centre():
     mesh = built(bowl="concave").reflectors[0].mesh
-    centre = np.array(BOWL) + [0, 0, bowls.RADIUS + bowls.CONCAVE_WALL + 0.001]
+    centre = np.add(BOWL, [0, 0, bowls.RADIUS + bowls.CONCAVE_WALL + 0.001])
     assert np.allclose(mesh.vertices + bowls.RADIUS * mesh.normals, centre, atol=1e-12)
     assert (face_normals(mesh) * mesh.normals[mesh.faces[:, 0]]).sum(axis=1).min() > 0.99
 
@@ -286,7 +287,7 @@ def test_the_camera_path_and_the_view_of_the_bowl_are_free(bowl):
 def test_the_outside_of_the_concave_bowl_is_never_seen():
     # The outside of a hemisphere is hidden from an eye within the cylinder over its opening.
     scene = built(bowl="concave")
-    centre = np.array(BOWL) + [0, 0, bowls.RADIUS + bowls.CONCAVE_WALL + 0.001]
+    centre = np.add(BOWL, [0, 0, bowls.RADIUS + bowls.CONCAVE_WALL + 0.001])
     mesh = scene.reflectors[0].mesh
     axis = mesh.normals.mean(axis=0)
     axis /= np.linalg.norm(axis)

@@ -28,7 +28,7 @@ def area(mesh: Mesh) -> float:
 
 
 def irregular(seed: int) -> Mesh:
-    """A closed convex mesh whose edges have very different lengths, so that faces with 0, 1, 2 and 3 split edges occur."""
+    """A closed convex mesh with edges of very different lengths: faces with 0, 1, 2 and 3 split edges occur."""
     points = np.random.default_rng(seed).normal(size=(40, 3)) * [3.0, 1.0, 0.3]
     return from_trimesh(trimesh.convex.convex_hull(points))
 
