@@ -7,7 +7,7 @@ light, contact shadows and long straight edges can all be judged in the reflecti
 Two details of the same room. `paper` has as many vertices as the kitchen of Estalella et al. 2006: 11,379 as built and
 14,979 after `refined`, spent on round things. `lean` is what the picture needs: about 7,000 as built (2,305 of them the
 bowl's) and 12,800 after `refined` with edges of 0.3 m at most. So refined, an edge's image in the convex bowl departs
-from the true curve by 0.07 pixels (median), 0.8 (95 %), 1.8 (99 %) in the nearest frame at 720 x 512.
+from the true curve by 0.07 pixels (median), 0.8 (95 %), 1.7 (99 %) in the nearest frame at 720 x 512.
 """
 
 from __future__ import annotations
