@@ -35,7 +35,7 @@ class Mesh:
 
     vertices: np.ndarray
     faces: np.ndarray
-    normals: np.ndarray | None = None
+    normals: np.ndarray = None  # type: ignore[assignment]
     albedo: np.ndarray | tuple = (0.5, 0.5, 0.5)
     emission: np.ndarray | tuple = (0.0, 0.0, 0.0)
     radiance: np.ndarray | None = None
@@ -51,7 +51,8 @@ class Mesh:
             bad = int(np.flatnonzero(~np.isfinite(vertices).all(axis=1))[0])
             raise ValueError(f"mesh: vertex {bad} is {vertices[bad]}; accepted: finite coordinates")
         if faces.min() < 0 or faces.max() >= len(vertices):
-            raise ValueError(f"mesh: a face names vertex {faces.max()}; accepted: 0 to {len(vertices) - 1}")
+            bad = faces.min() if faces.min() < 0 else faces.max()
+            raise ValueError(f"mesh: a face names vertex {bad}; accepted: 0 to {len(vertices) - 1}")
         normals = vertex_normals(vertices, faces) if self.normals is None else np.asarray(self.normals, np.float64)
         for name, value in [
             ("vertices", vertices),
@@ -113,13 +114,13 @@ def subdivided(mesh: Mesh, h_max: float) -> Mesh:
     """Splits every edge longer than `h_max` metres at its midpoint until none is left.
 
     The decision is taken per edge and from its end points alone, so that faces that share an edge, within a mesh or
-    across two meshes, split it at the same point: no T-junctions. A face with one, two or three split edges becomes two,
-    three or four. Attributes are interpolated linearly (normals renormalised).
+    across two meshes, split it at the same point: no T-junctions. A face with one, two or three split edges becomes
+    two, three or four. Attributes are interpolated linearly (normals renormalised).
     """
     if not h_max > 0:
         raise ValueError(f"subdivided: h_max is {h_max}; accepted: a positive length in metres")
     v, f = mesh.vertices, mesh.faces.astype(np.int64)
-    attributes = np.concatenate([mesh.normals, mesh.albedo, mesh.emission], axis=1)
+    attributes = np.concatenate([mesh.normals, np.asarray(mesh.albedo), np.asarray(mesh.emission)], axis=1)
     if mesh.radiance is not None:
         attributes = np.concatenate([attributes, mesh.radiance], axis=1)
     while True:
@@ -145,7 +146,7 @@ def subdivided(mesh: Mesh, h_max: float) -> Mesh:
 
 
 def _split_faces(f: np.ndarray, middle: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Faces int64 [F, 3] with `middle` [F, 3]: the new vertex on edge (k, k+1), or -1 -> the faces of the next round."""
+    """Faces int64 [F, 3] with `middle` [F, 3]: the new vertex on edge (k, k+1), or -1 -> faces of the next round."""
     count = (middle >= 0).sum(axis=1)
     out = [f[count == 0]]
 
@@ -158,8 +159,14 @@ def _split_faces(f: np.ndarray, middle: np.ndarray, v: np.ndarray) -> np.ndarray
     out.append(np.stack([m[:, 0], a[:, 1], m[:, 1]], axis=1))
     first = np.linalg.norm(v[a[:, 0]] - v[m[:, 1]], axis=1) <= np.linalg.norm(v[m[:, 0]] - v[a[:, 2]], axis=1)
     one, two = first[:, None], ~first[:, None]
-    out += [(np.stack([a[:, 0], m[:, 0], m[:, 1]], axis=1))[one[:, 0]], np.stack([a[:, 0], m[:, 1], a[:, 2]], axis=1)[one[:, 0]]]
-    out += [(np.stack([a[:, 0], m[:, 0], a[:, 2]], axis=1))[two[:, 0]], np.stack([m[:, 0], m[:, 1], a[:, 2]], axis=1)[two[:, 0]]]
+    out += [
+        (np.stack([a[:, 0], m[:, 0], m[:, 1]], axis=1))[one[:, 0]],
+        np.stack([a[:, 0], m[:, 1], a[:, 2]], axis=1)[one[:, 0]],
+    ]
+    out += [
+        (np.stack([a[:, 0], m[:, 0], a[:, 2]], axis=1))[two[:, 0]],
+        np.stack([m[:, 0], m[:, 1], a[:, 2]], axis=1)[two[:, 0]],
+    ]
 
     # Three: the corners and the middle.
     a, m = f[count == 3], middle[count == 3]
@@ -293,13 +300,11 @@ class Scene:
 
 
 def refined(scene: Scene) -> Scene:
-    """The scene as it is drawn: its objects subdivided by `scene.h_max`, which is None afterwards; reflectors as they are.
+    """The scene as it is drawn: its objects subdivided by `scene.h_max`, None afterwards; reflectors as they are.
 
     Comes after baking, so that the subdivision interpolates `Mesh.radiance` and does not decide where light is sampled.
     """
     if scene.h_max is None:
         return scene
     h_max = scene.h_max
-    return replace(
-        scene, objects=tuple(replace(o, mesh=subdivided(o.mesh, h_max)) for o in scene.objects), h_max=None
-    )
+    return replace(scene, objects=tuple(replace(o, mesh=subdivided(o.mesh, h_max)) for o in scene.objects), h_max=None)

@@ -1,7 +1,7 @@
 """Metal bowls: the mirrors of the kitchen. Each is an open sheet, as it is seen, and a watertight proxy around it.
 
-Vertex normals are exact, not averaged from the triangles: a normal interpolated across a triangle of these tessellations
-is off by less than 0.03 degrees (0 for the spheres).
+Vertex normals are exact, not averaged from the triangles: a normal interpolated across a triangle of these meshes is
+off by less than 0.03 degrees (0 for the spheres).
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ def concave_bowl(at: tuple[float, float, float], towards: tuple[float, float, fl
 
     The proxy is the bowl's solid wall: inside, rim and outside.
     """
-    centre = np.asarray(at) + [0.0, 0.0, RADIUS + CONCAVE_WALL + 0.001]
-    turn = trimesh.geometry.align_vectors([0, 0, -1], _unit(np.asarray(towards) - centre))[:3, :3]
+    centre = np.add(at, [0.0, 0.0, RADIUS + CONCAVE_WALL + 0.001])
+    turn = np.asarray(trimesh.geometry.align_vectors([0, 0, -1], _unit(np.asarray(towards) - centre)))[:3, :3]
     half = _sphere(segments=96, rings=49)
     upper = _part(Mesh(half.vertices, half.faces, half.vertices), half.triangles_center[:, 2] > 0)
     n, f, count = upper.vertices, upper.faces, len(upper.vertices)
@@ -54,11 +54,14 @@ def concave_bowl(at: tuple[float, float, float], towards: tuple[float, float, fl
     rim = np.flatnonzero(abs(n[:, 2]) < 1e-9)
     rim = rim[np.argsort(np.arctan2(n[rim, 1], n[rim, 0]))]
     next_rim = np.roll(rim, -1)
-    joint = [np.stack([rim, next_rim, count + next_rim], axis=1), np.stack([rim, count + next_rim, count + rim], axis=1)]
+    joint = [
+        np.stack([rim, next_rim, count + next_rim], axis=1),
+        np.stack([rim, count + next_rim, count + rim], axis=1),
+    ]
     faces = np.concatenate([f[:, ::-1], count + f, *joint])
     vertices = np.concatenate([RADIUS * n, (RADIUS + CONCAVE_WALL) * n])
     closed = Mesh(vertices @ turn.T + centre, faces, np.concatenate([-n, n]) @ turn.T)
-    return _reflector(_part(closed, (faces < count).all(axis=1)), closed)
+    return _reflector(_part(closed, np.all(faces < count, axis=1)), closed)
 
 
 def torus_bowl(at: tuple[float, float, float]) -> Reflector:
@@ -76,10 +79,10 @@ def torus_bowl(at: tuple[float, float, float]) -> Reflector:
     psi = np.radians(TORUS_FROM_DEG) + 2 * np.pi * v.ravel() / around
     outward = np.stack([np.cos(phi), np.sin(phi), np.zeros_like(phi)], axis=1)
     n = np.cos(psi)[:, None] * outward + np.sin(psi)[:, None] * [0.0, 0.0, 1.0]
-    centre = np.asarray(at) + [0.0, 0.0, -TORUS_TUBE * np.sin(np.radians(TORUS_FROM_DEG))]
+    centre = np.add(at, [0.0, 0.0, -TORUS_TUBE * np.sin(np.radians(TORUS_FROM_DEG))])
     closed = Mesh(ring * outward + TORUS_TUBE * n + centre, faces, n)
     last = round((90.0 - TORUS_FROM_DEG) / 360.0 * around)
-    return _reflector(_part(closed, (closed.faces % around <= last).all(axis=1)), closed)
+    return _reflector(_part(closed, np.all(closed.faces % around <= last, axis=1)), closed)
 
 
 def torus_top(at: tuple[float, float, float]) -> tuple[float, float]:

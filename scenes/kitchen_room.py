@@ -63,10 +63,16 @@ def _turned(mesh: Mesh) -> Mesh:
 
 
 def window(daylight: float) -> list[Object]:
-    """Panes and frame; `daylight` is the sky's radiance. Each pane emits one radiance, so that renderers can sample it."""
+    """Panes and frame; `daylight` is the sky's radiance. Each pane emits one radiance: renderers can sample it."""
     y0, y1, z0, z1 = WINDOW
     view = [
-        ("garden", z0, z0 + 0.26, (0.10, 0.17, 0.05), "a hedge below the sky, which tells that the window is seen upright"),
+        (
+            "garden",
+            z0,
+            z0 + 0.26,
+            (0.10, 0.17, 0.05),
+            "a hedge below the sky, which tells that the window is seen upright",
+        ),
         ("haze", z0 + 0.26, z0 + 0.52, (1.10, 1.04, 0.95), "the pale sky over the hedge"),
         ("sky", z0 + 0.52, z1, (0.80, 0.95, 1.15), "daylight: the strongest light in the room and in the bowl"),
     ]
@@ -86,7 +92,7 @@ def window(daylight: float) -> list[Object]:
     ]
     return [
         *panes,
-        Object("window-frame", merged(*bars), "straight bars against the light, whose curves in the bowl show every error"),
+        Object("window-frame", merged(*bars), "straight bars against the light, whose images in the bowl are curves"),
     ]  # fmt: skip
 
 
@@ -118,7 +124,9 @@ def _units(x0: float, widths: list[float], kinds: str, colour: Colour, spacing: 
         if kind == "d":
             parts.append(_front(x, x1, 0.12, COUNTER - TOP, colour, spacing))
         elif kind == "D":
-            parts += [_front(x, x1, a, b, colour, spacing) for a, b in ((0.12, 0.40), (0.40, 0.66), (0.66, COUNTER - TOP))]
+            parts += [
+                _front(x, x1, a, b, colour, spacing) for a, b in ((0.12, 0.40), (0.40, 0.66), (0.66, COUNTER - TOP))
+            ]
         else:
             parts.append(_front(x, x1, 0.12, 0.70, BLACK, spacing))
             panel = box((x + 0.004, -0.02, 0.704), (x1 - 0.004, 0, COUNTER - TOP - 0.004), STEEL, "+y", spacing, 0.004)
@@ -129,7 +137,9 @@ def _units(x0: float, widths: list[float], kinds: str, colour: Colour, spacing: 
         x = x1
     # What shows through the gaps, and the recess at the floor.
     parts.append(sheet((0, 0, 0), (1, 0, 0), (0, 0, 1), [x0, x], [0.10, COUNTER - TOP], BLACK))
-    parts.append(sheet((0, 0.06, 0), (1, 0, 0), (0, 0, 1), with_breaks(x0, x, spacing, ()), [0, 0.10], (0.10, 0.08, 0.06)))
+    parts.append(
+        sheet((0, 0.06, 0), (1, 0, 0), (0, 0, 1), with_breaks(x0, x, spacing, ()), [0, 0.10], (0.10, 0.08, 0.06))
+    )
     return merged(*parts)
 
 
@@ -164,13 +174,22 @@ def counters(spacing: float, top_m: float) -> list[Object]:
         _turned(sheet((0, t0, 0), x, z, [s0, s1], zs, STEEL)),
     )
     neck = [(0, 0, 0), (0, 0, 0.20), *arc((0.08, 0, 0.20), (-0.08, 0, 0), (0, 0, 0.08), 20, 180, 6), (0.16, 0, 0.17)]
-    tap = placed(merged(tube(neck, 0.012, 5, STEEL), bar((-0.01, 0.03, 0.02), (0.01, 0.10, 0.04), STEEL)), (-X + 0.07, 0.02, COUNTER))
+    tap = placed(
+        merged(tube(neck, 0.012, 5, STEEL), bar((-0.01, 0.03, 0.02), (0.01, 0.10, 0.04), STEEL)),
+        (-X + 0.07, 0.02, COUNTER),
+    )
     hob = bar((0.30, back_y + 0.06, COUNTER), (0.90, Y - 0.08, COUNTER + 0.008), BLACK)
     ring = lathe([(0.085, 0.001), (0, 0.001)], 12, (0.16, 0.15, 0.15))
-    rings = [placed(ring, (0.45 + 0.3 * i, back_y + 0.19 + 0.25 * j, COUNTER + 0.008)) for i in range(2) for j in range(2)]
+    rings = [
+        placed(ring, (0.45 + 0.3 * i, back_y + 0.19 + 0.25 * j, COUNTER + 0.008)) for i in range(2) for j in range(2)
+    ]
     return [
         Object("cupboards-back", back, "doors, drawers and oven: a row of equal upright edges behind the bowl"),
-        Object("cupboards-left", merged(left, end), "doors under the window: the same row, seen at a grazing angle in the bowl"),
+        Object(
+            "cupboards-left",
+            merged(left, end),
+            "doors under the window: the same row, seen at a grazing angle in the bowl",
+        ),
         Object("worktop", top, "long level edges at the height of the bowl"),
         Object("sink", merged(basin, tap), "a concave thing and a bent pipe under the window"),
         Object("hob", merged(hob, *rings), "a dark flat area with circles"),
@@ -193,7 +212,11 @@ def high_cupboards(spacing: float) -> list[Object]:
         box((-0.88, Y - 0.22, 1.86), (0.22, Y, 1.885), OAK, "+y", 0.4),
     )
     return [
-        Object("cupboards-high", merged(*parts), "bright doors at eye height, darker below: the upper edge of the direct view"),
+        Object(
+            "cupboards-high",
+            merged(*parts),
+            "bright doors at eye height, darker below: the upper edge of the direct view",
+        ),
         Object("hood", hood, "an upright edge from hob to ceiling"),
         Object("shelf", shelf, "carries jars and mugs, small things far from the bowl"),
     ]
@@ -209,7 +232,16 @@ def furniture(spacing: float) -> list[Object]:
     )
     panel = lambda lo, hi: bar((lo[0], -Y - 0.025, lo[1]), (hi[0], -Y - 0.005, hi[1]), (0.62, 0.24, 0.12))  # noqa: E731
     door = merged(
-        _turned(sheet((0, -Y - 0.02, 0), (1, 0, 0), (0, 0, 1), with_breaks(0.6, 1.4, spacing, ()), with_breaks(0, 2.0, spacing, ()), (0.50, 0.18, 0.09))),
+        _turned(
+            sheet(
+                (0, -Y - 0.02, 0),
+                (1, 0, 0),
+                (0, 0, 1),
+                with_breaks(0.6, 1.4, spacing, ()),
+                with_breaks(0, 2.0, spacing, ()),
+                (0.50, 0.18, 0.09),
+            )
+        ),
         *(panel(*p) for p in (((0.70, 0.15), (0.96, 0.9)), ((1.04, 0.15), (1.30, 0.9)), ((0.70, 1.05), (1.30, 1.88)))),
         *(box((x, -Y - 0.02, 0), (x + 0.05, -Y + 0.025, 2.05), WHITE, "-y -z", 0.8) for x in (0.55, 1.4)),
         bar((0.6, -Y - 0.02, 2.0), (1.4, -Y + 0.025, 2.05), WHITE),
@@ -221,11 +253,20 @@ def furniture(spacing: float) -> list[Object]:
         base,
         box((x0, -Y, 0), (x1, front - 0.02, COUNTER - TOP), (0.16, 0.28, 0.38), "-y +y -z +z", spacing),
         box((x0 - 0.02, -Y, COUNTER - TOP), (x1 + 0.02, front + 0.02, COUNTER), OAK, "-y", spacing),
-        *(box((x, -Y, COUNTER), (x + 0.025, -Y + 0.24, 1.95), (0.16, 0.28, 0.38), "-y -z", 0.6) for x in (x0, x1 - 0.025)),
-        *(box((x0 + 0.025, -Y, z), (x1 - 0.025, -Y + 0.24, z + 0.025), OAK, "-y -x +x", spacing) for z in (1.25, 1.925)),
+        *(
+            box((x, -Y, COUNTER), (x + 0.025, -Y + 0.24, 1.95), (0.16, 0.28, 0.38), "-y -z", 0.6)
+            for x in (x0, x1 - 0.025)
+        ),
+        *(
+            box((x0 + 0.025, -Y, z), (x1 - 0.025, -Y + 0.24, z + 0.025), OAK, "-y -x +x", spacing)
+            for z in (1.25, 1.925)
+        ),
     )
     pictures = []
-    for y, z, w, h, colour in ((-0.95, 1.35, 0.5, 0.7, (0.75, 0.32, 0.10)), (-0.25, 1.5, 0.42, 0.42, (0.12, 0.30, 0.45))):
+    for y, z, w, h, colour in (
+        (-0.95, 1.35, 0.5, 0.7, (0.75, 0.32, 0.10)),
+        (-0.25, 1.5, 0.42, 0.42, (0.12, 0.30, 0.45)),
+    ):
         into = lambda x, lo, hi, colour: _turned(  # noqa: E731
             sheet((x, 0, 0), (0, 1, 0), (0, 0, 1), [lo[0], hi[0]], [lo[1], hi[1]], colour)
         )

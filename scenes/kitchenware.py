@@ -41,7 +41,9 @@ def apple(n: int, ripe: Colour = (0.60, 0.06, 0.05), radius: float = 0.042) -> M
     body = lathe(np.stack([r, z], axis=1), n, ripe, sharp_deg=180)
     pale = np.clip(0.5 + 0.6 * body.vertices[:, :1] / radius + 0.4 * np.sin(40 * body.vertices[:, 2:]), 0, 1)
     body = replace(body, albedo=(1 - 0.7 * pale) * np.array(ripe) + 0.7 * pale * np.array([0.62, 0.50, 0.12]))
-    stalk = tube([(0, 0, z[-1] - 0.002), (0.001, 0, z[-1] + 0.01), (0.005, 0, z[-1] + 0.02)], 0.0018, 5, (0.16, 0.09, 0.04))
+    stalk = tube(
+        [(0, 0, z[-1] - 0.002), (0.001, 0, z[-1] + 0.01), (0.005, 0, z[-1] + 0.02)], 0.0018, 5, (0.16, 0.09, 0.04)
+    )
     return merged(body, stalk)
 
 
@@ -71,9 +73,15 @@ def kettle(n: int, colour: Colour) -> Mesh:
     lid = [(0.050, 0.139), (0.012, 0.153), (0.009, 0.160), (0.017, 0.171), (0, 0.182)]
     black = (0.05, 0.045, 0.04)
     pot = lathe([*body, *lid], n + n // 4, [colour, colour, colour, colour, WHITE, colour, black, black, black], 60)
-    spout = tube([(0.085, 0, 0.05), (0.125, 0, 0.075), (0.145, 0, 0.115), (0.165, 0, 0.14)], [0.024, 0.018, 0.013, 0.011],
+    bend = [(0.085, 0, 0.05), (0.125, 0, 0.075), (0.145, 0, 0.115), (0.165, 0, 0.14)]
+    spout = tube(bend, [0.024, 0.018, 0.013, 0.011],
                  max(6, n // 2), colour)  # fmt: skip
-    handle = tube(arc((0, 0, 0.10), (0.088, 0, 0), (0, 0, 0.145), 8, 172, max(8, 2 * n // 3)), 0.008, max(6, n // 2), (0.07, 0.045, 0.03))
+    handle = tube(
+        arc((0, 0, 0.10), (0.088, 0, 0), (0, 0, 0.145), 8, 172, max(8, 2 * n // 3)),
+        0.008,
+        max(6, n // 2),
+        (0.07, 0.045, 0.03),
+    )
     return merged(pot, spout, handle)
 
 
@@ -86,7 +94,16 @@ def plate(n: int, rim: Colour, radius: float = 0.125) -> Mesh:
 
 def bottle(n: int, glass: Colour = (0.06, 0.16, 0.06)) -> Mesh:
     """A bottle with a paper label and a cork."""
-    profile = [(0.037, 0), (0.037, 0.04), (0.037, 0.13), (0.036, 0.18), (0.015, 0.23), (0.013, 0.29), (0.010, 0.305), (0, 0.305)]
+    profile = [
+        (0.037, 0),
+        (0.037, 0.04),
+        (0.037, 0.13),
+        (0.036, 0.18),
+        (0.015, 0.23),
+        (0.013, 0.29),
+        (0.010, 0.305),
+        (0, 0.305),
+    ]
     cork = (0.55, 0.38, 0.22)
     return lathe(profile, n, [glass, (0.78, 0.70, 0.52), glass, glass, glass, cork, cork], sharp_deg=60)
 
@@ -103,5 +120,7 @@ def pot(n: int, colour: Colour) -> Mesh:
     black = (0.05, 0.05, 0.05)
     profile = [(0.11, 0), (0.11, 0.12), (0.114, 0.127), (0.02, 0.145), (0.022, 0.165), (0, 0.17)]
     body = lathe(profile, n + n // 4, [colour, STEEL, colour, black, black])
-    ears = [tube(arc((0, s * 0.108, 0.095), (0.035, 0, 0), (0, s * 0.035, 0), 0, 180, 5), 0.006, 4, black) for s in (-1, 1)]
+    ears = [
+        tube(arc((0, s * 0.108, 0.095), (0.035, 0, 0), (0, s * 0.035, 0), 0, 180, 5), 0.006, 4, black) for s in (-1, 1)
+    ]
     return merged(body, *ears)

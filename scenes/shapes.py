@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 import trimesh
@@ -77,7 +77,7 @@ def sheet(origin, u, v, us, vs, albedo: Colour, emission: Colour = (0.0, 0.0, 0.
 def with_breaks(lo: float, hi: float, spacing: float, breaks: Sequence[float]) -> np.ndarray:
     """Like `steps`, with every number of `breaks` that lies between among them."""
     stops = [lo, *sorted(b for b in breaks if lo < b < hi), hi]
-    pieces = [steps(a, b, spacing)[:-1] for a, b in zip(stops[:-1], stops[1:], strict=True)]
+    pieces = [steps(a, b, spacing)[:-1] for a, b in pairwise(stops)]
     return np.concatenate([*pieces, [hi]])
 
 
@@ -93,7 +93,7 @@ def tiles(origin, u, v, counts: tuple[int, int], albedo: np.ndarray) -> Mesh:
     origin, u, v = (np.asarray(value, np.float64) for value in (origin, u, v))
     vertices = origin + where.reshape(-1, 2) @ np.stack([u, v])
     first = 4 * np.arange(n * m)[:, None]
-    faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]])
+    faces = np.concatenate([np.add(first, [0, 1, 2]), np.add(first, [0, 2, 3])])
     normal = np.cross(u, v) / np.linalg.norm(np.cross(u, v))
     return Mesh(vertices, faces, np.tile(normal, (4 * n * m, 1)), np.repeat(albedo.reshape(-1, 3), 4, axis=0))
 
@@ -111,7 +111,7 @@ def box(lo, hi, albedo: Colour, omit: str = "", spacing: float = np.inf, bevel: 
     present = {(axis, side) for axis in range(3) for side in range(2) if FACES[2 * axis + side] not in omit.split()}
     inner = [[value[k] + (bevel if side == 0 else -bevel) * ((k, side) in present) for k in range(3)]
              for side, value in enumerate((lo, hi))]  # fmt: skip
-    if not np.less(*inner).all():
+    if not np.less(inner[0], inner[1]).all():
         raise ValueError(f"box: from {lo} to {hi} with a bevel of {bevel}; accepted: sides longer than their bevels")
     # Where lattice lines run on each axis, the same on all faces.
     lines = [steps(inner[0][k], inner[1][k], spacing) for k in range(3)]
@@ -145,7 +145,7 @@ def bar(lo, hi, albedo: Colour) -> Mesh:
 
 
 def _bevel(lattice: dict[tuple[int, int], np.ndarray]) -> np.ndarray:
-    """Faces that join neighbouring faces of a box; `lattice`: (axis, side) -> vertex indices [b, a], a the axis after."""
+    """Faces that join neighbouring faces of a box; `lattice`: (axis, side) -> vertices [b, a], a the axis after."""
 
     def border(face: tuple[int, int], towards: tuple[int, int]) -> np.ndarray:
         axis, end = face[0], -1 if towards[1] else 0
@@ -185,19 +185,20 @@ def lathe(profile, segments: int, albedo: Colour | Sequence[Colour], sharp_deg: 
     cuts = [0, *(np.flatnonzero(edge) + 1), count]
     return merged(*(
         from_trimesh(trimesh.creation.revolve(profile[a : b + 1], sections=segments), colours[a])
-        for a, b in zip(cuts[:-1], cuts[1:], strict=True)
+        for a, b in pairwise(cuts)
     ))  # fmt: skip
 
 
 def ball(radius: float, segments: int, rings: int, albedo: Colour, emission: Colour = (0.0, 0.0, 0.0)) -> Mesh:
     """A sphere about the origin with exact normals; `rings` vertices from pole to pole."""
     angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, rings)
-    mesh = from_trimesh(trimesh.creation.revolve(radius * np.stack([np.cos(angle), np.sin(angle)], 1), sections=segments),
+    profile = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    mesh = from_trimesh(trimesh.creation.revolve(profile, sections=segments),
                         albedo, emission)  # fmt: skip
     return replace(mesh, normals=mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True))
 
 
-def tube(path, radius: float | Sequence[float], segments: int, albedo: Colour) -> Mesh:
+def tube(path, radius: float | Sequence[float] | np.ndarray, segments: int, albedo: Colour) -> Mesh:
     """A round tube along `path` [N, 3], closed at both ends; one radius or one for each point."""
     path = np.asarray(path, np.float64)
     radii = np.broadcast_to(np.asarray(radius, np.float64), len(path))
@@ -237,8 +238,8 @@ def arc(centre, u, v, from_deg: float, to_deg: float, count: int) -> np.ndarray:
 def contact_sheet(lo, hi, z: float, spacing: float, feet: Sequence[tuple[float, float, float]], albedo: Colour) -> Mesh:
     """A horizontal rectangle from `lo` to `hi` (x, y) that faces up, finer where things stand on it.
 
-    Around each foot (x, y, radius) run rings of vertices that catch its contact shadow; none lies underneath, where no
-    light would reach it and from where darkness would be interpolated to what is seen.
+    Around each foot (x, y, radius) run rings of vertices that catch its contact shadow; none (but a corner of the
+    rectangle) lies underneath, where no light would reach it and from where darkness would spread to what is seen.
     """
     s, t = np.meshgrid(steps(lo[0], hi[0], spacing), steps(lo[1], hi[1], spacing))
     rings = [np.stack([s.ravel(), t.ravel()], axis=1)]
@@ -255,13 +256,14 @@ def contact_sheet(lo, hi, z: float, spacing: float, feet: Sequence[tuple[float, 
     points = np.concatenate(rings)
 
     # Nothing under a foot, nothing off the rectangle, and lattice points only beyond the outermost ring.
-    keep = ((points > np.asarray(lo) + 0.004) & (points < np.asarray(hi) - 0.004)).all(axis=1)
+    keep = np.all((points > np.asarray(lo) + 0.004) & (points < np.asarray(hi) - 0.004), axis=1)
     keep[: len(rings[0])] |= border
     for k, (x, y, radius) in enumerate(feet):
         away = np.linalg.norm(points - [x, y], axis=1)
         own = (owner - 1) // len(offsets) == k
         keep &= own | (away > radius + 0.002)
         keep[: len(rings[0])] &= (away[: len(rings[0])] > radius + 0.06) | border
+    keep[: len(rings[0])] |= (np.isin(rings[0][:, 0], [lo[0], hi[0]])) & (np.isin(rings[0][:, 1], [lo[1], hi[1]]))
     points = points[keep]
     faces = Delaunay(points).simplices
     corners = points[faces]
