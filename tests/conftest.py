@@ -1,6 +1,8 @@
-"""LLVM is chosen before any test module can import Dr.Jit; the variant is set once, for the tests that need one."""
+"""LLVM is chosen before any test module can import Dr.Jit; the variant is set once, where a test needs one."""
 
 from __future__ import annotations
+
+import sys
 
 import pytest
 
@@ -10,10 +12,9 @@ platform.use_llvm()
 
 
 @pytest.fixture(scope="session", autouse=True)
-def variant(request: pytest.FixtureRequest) -> str | None:
-    """Sets llvm_ad_rgb if any collected test module uses Mitsuba or Dr.Jit; NumPy-only tests stay quick."""
-    modules = {item.module for item in request.session.items if isinstance(item, pytest.Function)}
-    if not any(name in vars(module) for module in modules for name in ("mi", "dr", "mitsuba", "drjit")):
+def variant() -> str | None:
+    """Sets llvm_ad_rgb if a collected test module has imported Mitsuba; NumPy-only tests stay quick."""
+    if "mitsuba" not in sys.modules:
         return None
     platform.use_variant("llvm_ad_rgb")
     return "llvm_ad_rgb"
