@@ -81,6 +81,15 @@ def of_builder(builder: Callable) -> dict[str, Parameter]:
     return found
 
 
+def options(kind: type, table: Mapping[str, Any], where: str) -> Any:
+    """An instance of a dataclass of options out of a table's section. Raises ValueError as `sweep` does."""
+    declared = of_method(kind)
+    for key in table:
+        if key not in declared:
+            raise ValueError(f"{where}: key {plugins.unknown(key, declared)}")
+    return kind(**{key: declared[key].value(given, f"{where}.{key}") for key, given in table.items()})
+
+
 def sweep(table: Mapping[str, Any], declared: Mapping[str, Parameter], where: str) -> list[dict[str, Any]]:
     """All combinations of a table's values, the first key slowest; each with every declared parameter in its order.
 
@@ -121,13 +130,13 @@ def describe(annotation: Any) -> str:
     if origin is Literal:
         return " or ".join(json.dumps(a) for a in args)
     if origin in (typing.Union, types.UnionType):
-        return " or ".join(describe(a) for a in args)
+        return " or ".join(describe(a) for a in args if a is not type(None))
     if annotation is bool:
         return "true or false"
-    if annotation in (type(None), None):
-        return "nothing"
+    if origin is tuple and ... not in args:
+        return f"[{', '.join(describe(a) for a in args)}]"
     if origin is not None:
-        return f"{getattr(origin, '__name__', origin)} of {', '.join(describe(a) for a in args if a is not ...)}"
+        return f"list of ({'), ('.join(describe(a) for a in args if a is not ...)})"
     return getattr(annotation, "__name__", str(annotation))
 
 

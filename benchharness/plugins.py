@@ -77,7 +77,7 @@ def from_path(kind: str, spec: str, base: Path, what: str) -> Plugin:
     path_text, name = _split(spec)
     path = (base / path_text).resolve()
     if not path.is_file():
-        near = difflib.get_close_matches(path.name, [p.name for p in path.parent.glob("*.py")], 1)
+        near = close(path.name, [p.name for p in path.parent.glob("*.py")])
         raise ValueError(
             f"{what}: there is no file {path}{did_you_mean(near)}; accepted: file.py or file.py:Name, "
             f"relative to {base.resolve()}"
@@ -106,12 +106,23 @@ def look_up(name: str, found: dict[str, Plugin], what: str) -> Plugin:
 def unknown(value: object, accepted: Iterable[object]) -> str:
     """'"colour" is unknown, did you mean "color"?; accepted: ...': the one way in which we refuse a name."""
     names = [str(a) for a in accepted]
-    near = difflib.get_close_matches(str(value), names, 1)
+    near = close(str(value), names)
     return f"{str(value)!r} is unknown{did_you_mean(near)}; accepted: {', '.join(names) or 'none'}"
 
 
 def did_you_mean(near: list[str]) -> str:
     return f", did you mean {near[0]!r}?" if near else ""
+
+
+def close(value: str, accepted: Iterable[str]) -> list[str]:
+    """The one name that is most like `value`, or none."""
+    return difflib.get_close_matches(value, list(accepted), 1)
+
+
+def absolute(spec: str, base: Path) -> str:
+    """`file.py:Name` relative to `base` -> the same as an absolute path."""
+    path, name = _split(spec)
+    return str((base / path).resolve()) + (f":{name}" if name else "")
 
 
 def _split(spec: str) -> tuple[str, str | None]:

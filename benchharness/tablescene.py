@@ -9,20 +9,23 @@
     camera = {path = [[0, -4, 1.5], [1, -4, 1.5]], target = [0, 0, 1], fov_deg = 40}
 
 Paths are relative to the config. OBJ, PLY and GLB are read by trimesh, vertices as they stand in the file
-(right-handed, z up, metres; `scale`, then `rotate_deg` about x, y, z in this order, then `translate` bring others there). A file's own
-normals are kept. Colours and textures of a file are not read: albedo and emission are one colour per object. Objects
-do not move; the eye goes along `path` at even pace between its points.
+(right-handed, z up, metres; `scale`, then `rotate_deg` about x, y, z in this order, then `translate` bring others
+there). A file's own normals are kept. Colours and textures of a file are not read: albedo and emission are one colour
+per object. Objects do not move; the eye goes along `path` at even pace between its points.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+import trimesh
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from benchharness import plugins
 from benchharness.inside import is_closed
 from benchharness.scene import Camera, Mesh, Object, Reflector, Scene, merged
 
@@ -77,6 +80,23 @@ class SceneTable(Table):
     exposure: float = 0.0
 
 
+def validated(table: dict[str, Any], where: str) -> SceneTable:
+    """The table, checked. Raises ValueError that names the key, its value and what would be accepted."""
+    try:
+        return SceneTable.model_validate_json(json.dumps(table, default=str))
+    except ValidationError as failed:
+        error = failed.errors()[0]
+    place = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in error["loc"])
+    if error["type"] == "extra_forbidden":
+        sections = {"objects": ObjectTable, "reflectors": ReflectorTable, "camera": CameraTable}
+        model = sections[str(error["loc"][0])] if len(error["loc"]) > 1 else SceneTable
+        above = place.rpartition(".")[0]
+        raise ValueError(f"{where}{above}: key {plugins.unknown(error['loc'][-1], model.model_fields)}")
+    if error["type"] == "missing":
+        raise ValueError(f"{where}{place} is missing; accepted: see benchharness/tablescene.py")
+    raise ValueError(f"{where}{place} is {json.dumps(error['input'])}; accepted: {error['msg']}")
+
+
 def build(name: str, table: SceneTable, base: Path, where: str) -> Scene:
     """The scene of a validated table. `where` is 'file: section'. Raises ValueError that names the key at fault."""
     objects, reflectors = [], []
@@ -116,8 +136,6 @@ def build(name: str, table: SceneTable, base: Path, where: str) -> Scene:
 
 def load_mesh(path: Path, where: str, placed: Placed) -> Mesh:
     """A mesh file, put in its place. Raises ValueError for what is no file, no mesh, empty or not finite."""
-    import trimesh
-
     if path.suffix.lower() not in SUFFIXES:
         raise ValueError(f"{where} is {str(path)!r}; accepted: a file that ends in {', '.join(SUFFIXES)}")
     if not path.is_file():
@@ -143,7 +161,7 @@ def _pieces(loaded: Any) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     for node in sorted(loaded.graph.nodes_geometry):
         pose, geometry = loaded.graph[node]
         piece = loaded.geometry[geometry]
-        if not hasattr(piece, "faces"):  # points and lines
+        if not isinstance(piece, trimesh.Trimesh):  # points and lines
             continue
         linear, faces = pose[:3, :3], np.asarray(piece.faces, np.int64)
         normals = np.asarray(piece.vertex_normals, np.float64) @ np.linalg.inv(linear)

@@ -143,7 +143,7 @@ def test_a_list_is_one_value_where_the_annotation_is_a_sequence_and_a_list_of_li
     kind = declared(a=tuple[float, float])["a"]
     assert kind.choices([1, 2], "k") == [(1.0, 2.0)]
     assert kind.choices([[1, 2], [3, 4]], "k") == [(1.0, 2.0), (3.0, 4.0)]
-    with pytest.raises(ValueError, match="accepted: tuple of float, float"):
+    with pytest.raises(ValueError, match=r"accepted: \[float, float\]"):
         kind.choices([1, 2, 3], "k")
 
 
@@ -158,7 +158,7 @@ def test_a_list_is_one_value_where_the_annotation_is_a_sequence_and_a_list_of_li
         (Literal["sq", "dot"], "dott", '"sq" or "dot"'),
         (Annotated[float, Field(ge=1)], 0.5, "float, at least 1"),
         (Annotated[int, annotated_types.Gt(0)], 0, "int, more than 0"),
-        (int | None, "x", "int or nothing"),
+        (int | None, "x", "int"),
     ],
 )
 def test_a_wrong_value_is_refused_with_what_would_be_accepted(annotation, given, accepted):
