@@ -71,9 +71,14 @@ class Entry:
     params: dict[str, Any]
 
     @property
+    def params_text(self) -> str:
+        """The column `params`."""
+        return params.canonical(self.params)
+
+    @property
     def key(self) -> str:
         """Method and parameters in one line; unique within a run."""
-        return f"{self.method} {params.canonical(self.params)}".strip()
+        return f"{self.method} {self.params_text}".strip()
 
     def cls(self) -> type[Method]:
         if self.source is not None:
@@ -183,10 +188,17 @@ def load(path: Path, extra: Sequence[str] = (), only: Sequence[str] = ()) -> Con
         try:
             method_hashes[entry.key] = identity.of_method(type(entry.build()))
         except (TypeError, ValueError) as error:
-            raise ValueError(f"{path}: [methods.{entry.method}] {params.canonical(entry.params)}: {error}") from error
+            raise ValueError(f"{path}: [methods.{entry.method}] {entry.params_text}: {error}") from error
     jobs = [_job(spec, run, entries, path) for spec in _scenes(document.get("scenes", {}), path)]
     if not jobs:
         raise ValueError(f"{path}: there is no scene; accepted: at least one [scenes.NAME]")
+    places = [(job.facts["scene"], job.facts["detail"]) for job in jobs]
+    for place in places:
+        if places.count(place) > 1:
+            raise ValueError(
+                f"{path}: two configurations are called scene {place[0]!r}, detail {place[1]!r}; accepted: a builder "
+                "that hands its `detail` on to the Scene"
+            )
     determines = {k: v for k, v in asdict(run).items() if k in ("variant", "size", "frames", "seed")}
     config_hash = identity.of_options({"run": determines, "reference": asdict(reference)})
     return Config(path.stem, path.resolve(), run, reference, jobs, entries, config_hash, method_hashes)

@@ -87,7 +87,11 @@ def options(kind: type, table: Mapping[str, Any], where: str) -> Any:
     for key in table:
         if key not in declared:
             raise ValueError(f"{where}: key {plugins.unknown(key, declared)}")
-    return kind(**{key: declared[key].value(given, f"{where}.{key}") for key, given in table.items()})
+    values = {key: declared[key].value(given, f"{where}.{key}") for key, given in table.items()}
+    try:
+        return kind(**values)
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from None
 
 
 def sweep(table: Mapping[str, Any], declared: Mapping[str, Parameter], where: str) -> list[dict[str, Any]]:
@@ -110,15 +114,13 @@ def sweep(table: Mapping[str, Any], declared: Mapping[str, Parameter], where: st
 
 
 def canonical(params: Mapping[str, Any]) -> str:
-    """The `name=value` list of the tables, in the order of the names: `mip=true resolution=64`."""
-    return " ".join(f"{name}={text(params[name])}" for name in sorted(params))
+    """The `name=value` list of the tables, in the order of the names: `mip=True; resolution=64`."""
+    return "; ".join(f"{name}={text(params[name])}" for name in sorted(params))
 
 
 def text(value: Any) -> str:
-    """A value as one word: JSON without spaces, strings bare where that leaves no doubt."""
-    if isinstance(value, str) and value and not any(c.isspace() or c in '="[]{},' for c in value):
-        return value
-    return json.dumps(value, separators=(",", ":"), sort_keys=True)
+    """A value in the tables: Python's repr, text plain, tuples as lists, so that it survives a file of JSON."""
+    return value if isinstance(value, str) else repr(json.loads(json.dumps(value)))
 
 
 def describe(annotation: Any) -> str:
