@@ -51,13 +51,13 @@ def run(
     *,
     resume: bool = False,
     cluster: str | None = None,
-    bench: str = BENCH,
+    bench: str | None = None,
 ) -> tuple[int, Path]:
     """Runs a study, or the rest of it; returns the exit code and the run folder.
 
     out      the run folder; a new one under results/runs/ if None, or, to resume, the newest one of this config there
     cluster  address of a distributed scheduler that jobs are given to; this machine if None
-    bench    `module:Class` of what measures, see `worker.Bench`
+    bench    `module:Class` of what measures, see `worker.Bench`; BENCH if None
 
     Raises ValueError for a folder that cannot be used, Incomparable where the folder's run was another.
     """
@@ -67,7 +67,7 @@ def run(
         folder = _taken_up(config, out, plan) if resume else _fresh(config, out, plan)
         journal = Journal(folder / "journal.jsonl")
         pasts = _pasts(config, journal.lines())
-        setting = _setting(config, folder, plan["environment"], bench)
+        setting = _setting(config, folder, plan["environment"], bench or BENCH)
         for line in _lines(config, setting, pasts, listener, cluster):
             journal.append(line)
             if "frame" in line:
