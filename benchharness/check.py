@@ -84,7 +84,7 @@ def findings(plugin: plugins.Plugin, renderer: Renderer) -> Iterator[Finding]:
     frames = [renderer(scene, SIZE).render(index) for index in range(2)]
     first = _Answer(method, scene, frames[0])
     yield from _well_formed(first, frames[0])
-    if first.broken:
+    if first.broken or not first.found.any():
         return
     yield _judged(
         first.launched == 0, "nothing is evaluated inside shade", f"shade launches {first.launched} kernels", "warn"
@@ -106,7 +106,7 @@ def findings(plugin: plugins.Plugin, renderer: Renderer) -> Iterator[Finding]:
     large = renderer(scene, (2 * SIZE[0], 2 * SIZE[1])).render(0)
     larger = _Answer(method, scene, large)
     yield from (f for f in _well_formed(larger, large) if f.level == "fail")
-    if not larger.broken:
+    if not larger.broken and larger.found.any():
         one, other = first.mean(), larger.mean()
         alike = bool(np.allclose(one, other, rtol=0.1))
         yield _judged(
@@ -151,7 +151,7 @@ class _Answer:
     def __init__(self, method: Method, scene: Scene, frame: Frame) -> None:
         import drjit as dr
 
-        self.broken, self.reflection = None, None
+        self.broken: str | None = None
         self.lanes = frame.view.width * frame.view.height
         try:
             state = method.prepare(scene)
@@ -171,24 +171,25 @@ class _Answer:
         import drjit as dr
         import mitsuba as mi
 
-        self.reflection = reflection
         for name, kind in (("L", mi.Color3f), ("distance", mi.Float), ("found", mi.Bool)):
             value = getattr(reflection, name)
             if not isinstance(value, kind):
                 raise TypeError(f"{name} is {type(value).__name__}; accepted: {kind.__name__}")
             if dr.width(value) != self.lanes:
                 raise TypeError(f"{name} has {dr.width(value)} lanes; accepted: {self.lanes}, one per pixel")
-        active = np.array(frame.active)
-        self.L = np.array(reflection.L).T[active]
-        self.distance = np.array(reflection.distance)[active]
-        self.found = np.array(reflection.found)[active]
+        self.active = np.array(frame.active)
+        self.L = np.array(reflection.L).T
+        self.distance = np.array(reflection.distance)
+        self.found = np.array(reflection.found) & self.active
 
     def same(self, other: _Answer) -> bool:
-        """Bit for bit, where a reflector is seen."""
+        """Bit for bit, in the pixels where both see a reflector."""
         if self.broken or other.broken:
             return False
+        both = self.active & other.active
         return all(
-            getattr(self, name).tobytes() == getattr(other, name).tobytes() for name in ("L", "distance", "found")
+            getattr(self, name)[both].tobytes() == getattr(other, name)[both].tobytes()
+            for name in ("L", "distance", "found")
         )
 
     def mean(self) -> np.ndarray:
@@ -214,13 +215,13 @@ def _well_formed(answer: _Answer, frame: Frame) -> Iterator[Finding]:
     yield _judged(answer.broken is None, f"it answers {size}, in the right lanes", f"{size}: {answer.broken}")
     if answer.broken:
         return
-    bad = int((~np.isfinite(answer.L) | (answer.L < 0)).any(axis=1).sum())
-    yield _judged(
-        bad == 0, "radiance is finite", f"radiance is negative or not finite in {bad} of {len(answer.L)} pixels"
-    )
-    bad = int((np.isnan(answer.distance) | (answer.distance <= 0))[answer.found].sum())
+    L, found = answer.L[answer.active], answer.found[answer.active]
+    bad = int((~np.isfinite(L) | (L < 0)).any(axis=1).sum())
+    yield _judged(bad == 0, "radiance is finite", f"radiance is negative or not finite in {bad} of {len(L)} pixels")
+    distance = answer.distance[answer.found]
+    bad = int((np.isnan(distance) | (distance <= 0)).sum())
     yield _judged(bad == 0, "distance is positive", f"distance is NaN or not positive in {bad} pixels that are found")
-    share = float(answer.found.mean())
+    share = float(found.mean())
     level = "fail" if share == 0 else "warn"
     yield _judged(share > 0.9, f"found: {share:.0%} of the pixels", f"found: {share:.0%} of the pixels", level)
 
@@ -232,13 +233,13 @@ def _judged(holds: bool, good: str, bad: str, level: str = "fail") -> Finding:
 def main(spec: str) -> None:
     """In the child: one line of JSON per finding."""
     platform.use_variant("llvm_ad_rgb")
-    from benchharness.frame import FrameRenderer
-
     try:
         plugin = plugins.from_path("method", spec, Path.cwd(), "check-method")
     except ValueError as error:
         print(json.dumps({"level": "fail", "text": str(error)}), flush=True)
         return
+    from benchharness.frame import FrameRenderer
+
     for finding in findings(plugin, FrameRenderer):
         print(json.dumps(dataclasses.asdict(finding)), flush=True)
 

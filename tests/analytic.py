@@ -1,4 +1,4 @@
-"""Frames of a unit-less mirror ball without a rasterizer: the sphere of `check.tiny_scene`, met by formula in float64."""
+"""Frames of the mirror ball of `check.tiny_scene` without a rasterizer: the sphere is met by formula, in float64."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ class Renderer:
         return Frame(
             index=index,
             time=self.scene.time(index),
-            view=View(mi.Point3f(*eye), *flat, mi.Float(0.01), self.width, self.height),
-            poses=mi.Float(self.scene.poses(self.scene.time(index)).ravel()),
+            view=View(mi.Point3f(*eye.tolist()), *flat, mi.Float(0.01), self.width, self.height),
+            poses=mi.Float(self.scene.poses(self.scene.time(index)).ravel().astype(np.float32)),
             reflector=mi.Int32(np.where(active, 0, -1)),
             active=mi.Bool(active),
             pixels=mi.UInt32(np.flatnonzero(active)),
-            p=mi.Point3f(p.T),
-            n=mi.Normal3f((p / RADIUS).T),
-            v=mi.Vector3f(-d.T),
+            p=mi.Point3f(np.float32(p.T)),
+            n=mi.Normal3f(np.float32((p / RADIUS).T)),
+            v=mi.Vector3f(np.float32(-d.T)),
             radiance=mi.Color3f(0.0),
             surfaces=[],
             proxies=[],

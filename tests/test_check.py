@@ -44,8 +44,8 @@ def test_the_template_keeps_the_contract(tmp_path):
         ("distance = ", "raise KeyError('root'); distance = ", "fail", "96 x 64: KeyError: 'root'"),
         ('"nobody 2024"', '""', "fail", "names no paper"),
         ("brightness  radiance", "radiance", "warn", "no docstring tells of the parameters brightness"),
-        ("L = mi.Color3f(state *", "L = mi.Color3f(frame.view.width *", "warn", "twice the resolution changes the mean"),
-        ("    def prepare", "    def refuses(self, scene): return 'no room'\n    def prepare", "warn", "refuses the test"),
+        ("L = mi.Color3f(state *", "L = mi.Color3f(frame.view.width *", "warn", "twice the resolution changes"),
+        ("    def prepare", "    def refuses(self, scene): return 'no'\n    def prepare", "warn", "it refuses"),
     ],
 )  # fmt: skip
 def test_a_broken_clause_is_found_and_named(tmp_path, old, new, level, says):
