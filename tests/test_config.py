@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from pathlib import Path
 
 import pytest
 import study
@@ -223,3 +224,12 @@ def test_the_method_hash_follows_the_source_file(write, tmp_path):
     assert list(first) == list(second)
     assert set(first.values()) != set(second.values())
     assert all(re.fullmatch("[0-9a-f]{16}", value) for value in second.values())
+
+
+CONFIGS = sorted((Path(__file__).parent.parent / "configs").glob("*.toml"))
+
+
+@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
+def test_a_config_that_comes_with_it_is_valid_and_says_what_it_is_about(path):
+    assert config.load(path).jobs
+    assert path.read_text().startswith("# ")
