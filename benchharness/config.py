@@ -308,7 +308,11 @@ def _scenes(section: Mapping[str, Any], path: Path) -> Iterator[SceneSpec]:
 def _job(spec: SceneSpec, run: Run, entries: list[Entry], path: Path) -> Job:
     """Builds the scene once, to see that it can be rendered as asked, and keeps what the table says about it."""
     scene = spec.build()
-    for name, count in [("frames", scene.frames), ("objects", len(scene.objects)), ("reflectors", len(scene.reflectors))]:
+    for name, count in [
+        ("frames", scene.frames),
+        ("objects", len(scene.objects)),
+        ("reflectors", len(scene.reflectors)),
+    ]:
         if count < 1:
             raise ValueError(f"{spec.where}: the scene has {count} {name}; accepted: at least one")
     frames = pick_frames(run.frames, scene.frames, f"{path}: [run].frames, for scene {spec.label},")

@@ -147,8 +147,6 @@ def _worker(
             where = "" if ending.entry else " outside any method"
             quoted = _tail(log, start)
             ending.reason = f"{failed}{where}" + (f": {quoted}" if quoted else "") + f" (see {log.name})"
-        elif ending.entry:
-            ending.reason = "the worker ended inside this method without a word"
     except subprocess.TimeoutExpired:
         ending.reason = "the worker closed its stdout and went on"
     finally:

@@ -91,7 +91,7 @@ def validated(table: dict[str, Any], where: str) -> SceneTable:
         sections = {"objects": ObjectTable, "reflectors": ReflectorTable, "camera": CameraTable}
         model = sections[str(error["loc"][0])] if len(error["loc"]) > 1 else SceneTable
         above = place.rpartition(".")[0]
-        raise ValueError(f"{where}{above}: key {plugins.unknown(error['loc'][-1], model.model_fields)}")
+        raise ValueError(f"{where}{above}: key {plugins.unknown(list(error['loc'])[-1], model.model_fields)}")
     if error["type"] == "missing":
         raise ValueError(f"{where}{place} is missing; accepted: see benchharness/tablescene.py")
     raise ValueError(f"{where}{place} is {json.dumps(error['input'])}; accepted: {error['msg']}")

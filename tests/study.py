@@ -12,10 +12,10 @@ from benchharness.scene import Camera, Mesh, Object, Reflector, Scene
 CORNERS = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], float)
 FACES = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
 
-def place(detail: str = "lean", size: float = 1.0, frames: int = 5) -> Scene:
+def place(detail: str = "lean", size: float = 1.0, frames: int = 5, height: float = 0.0) -> Scene:
     thing = Object("thing", Mesh(0.1 * CORNERS + 3, FACES), "something to see")
     mirror = Reflector("mirror", Mesh(size * CORNERS, FACES))
-    camera = lambda time: Camera((0.0, -9.0, time), (0.0, 0.0, 0.0), 40.0)
+    camera = lambda time: Camera((0.0, -9.0, height + time), (0.0, 0.0, 0.0), 40.0)
     return Scene("place", (thing,), (mirror,), camera, frames, detail=detail)
 """
 

@@ -211,8 +211,8 @@ def test_the_scene_hash_follows_content_over_the_whole_animation(write, tmp_path
         return identity.of_scene(scene.build())
 
     write()
-    hashes = [scene_hash(size=1.0), scene_hash(size=1.5), scene_hash(frames=6)]
-    assert len(set(hashes)) == 3
+    hashes = [scene_hash(size=1.0), scene_hash(size=1.5), scene_hash(frames=6), scene_hash(height=0.1)]
+    assert len(set(hashes)) == 4
     assert scene_hash(detail="paper") == hashes[0]  # the builder makes the same of it
 
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import os
+import select
 import subprocess
 import sys
 
@@ -55,6 +56,7 @@ def test_two_runs_are_never_timed_at_once(tmp_path, monkeypatch):
         other = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
         assert other.stdout is not None
         assert other.stdout.readline() == "waits\n"
+        assert select.select([other.stdout], [], [], 0.3)[0] == []
     assert other.stdout.readline() == "alone\n"
     assert other.wait() == 0
     other.stdout.close()

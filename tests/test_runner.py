@@ -102,6 +102,13 @@ def test_whatever_one_method_does_the_others_complete_and_every_row_says_why(tmp
     # Nothing is left to do, nothing is tried again, and the answer is the same.
     again, same, _ = run(path, tmp_path / "out", resume=True)
     assert (again, same) == (3, rows)
+    # Without its last frame, what crashed in an earlier one stays out: "aborts 2" would do frame 4 well.
+    journal = tmp_path / "out" / "journal.jsonl"
+    lines = journal.read_bytes().splitlines(keepends=True)
+    assert json.loads(lines[-1])["frame"] == 4
+    journal.write_bytes(b"".join(lines[:-1]))
+    again, same, _ = run(path, tmp_path / "out", resume=True)
+    assert (again, told(same)) == (3, told(rows))
 
 
 def test_a_scene_that_cannot_be_prepared_is_rows_too(tmp_path):

@@ -84,7 +84,7 @@ def test_normals_of_the_file_are_kept(tmp_path):
 
 
 def test_the_nodes_of_a_glb_stand_where_its_scene_puts_them(tmp_path):
-    ball, far, wide = trimesh.creation.icosphere(subdivisions=2), np.eye(4), np.diag([2.0, 1.0, 1.0, 1.0])
+    ball, far, wide = trimesh.creation.icosphere(subdivisions=2), np.eye(4), np.diag([-2.0, 1.0, 1.0, 1.0])
     far[0, 3] = 10.0
     scene = trimesh.Scene()
     scene.add_geometry(ball, transform=far)
@@ -93,6 +93,8 @@ def test_the_nodes_of_a_glb_stand_where_its_scene_puts_them(tmp_path):
     mesh = tablescene.load_mesh(tmp_path / "two.glb", "k", tablescene.Placed(name="a", mesh="two.glb"))
     x = mesh.vertices[:, 0]
     assert (x.max(), x.min()) == pytest.approx((11, -2), abs=1e-6)
+    # The mirrored node is turned inside out again: its faces go round the origin counter-clockwise from outside.
+    assert inside.winding_number(mesh, np.zeros(3)) == pytest.approx(1.0, abs=1e-6)
     # On the ellipsoid x²/4 + y² + z² = 1 the normal is along (x/4, y, z).
     near = x < 5
     outward = mesh.vertices[near] * [0.25, 1, 1]
