@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 SIZE = (96, 64)
 TIMEOUT_S = 300.0
 
-Renderer = Callable[[Scene, tuple[int, int]], Any]
-"""`frame.FrameRenderer`, or what stands in for it: (scene, size) -> something with render(index) -> api.Frame."""
+Renderer = Callable[[Scene, int, int], Any]
+"""`frame.FrameRenderer`, or what stands in for it: (scene, width, height) -> something with render(index) -> api.Frame."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def findings(plugin: plugins.Plugin, renderer: Renderer) -> Iterator[Finding]:
         yield Finding("warn", f"it refuses the test scene, so that nothing else can be checked: {refusal}")
         return
     before = dict(vars(method))
-    frames = [renderer(scene, SIZE).render(index) for index in range(2)]
+    frames = [renderer(scene, *SIZE).render(index) for index in range(2)]
     first = _Answer(method, scene, frames[0])
     yield from _well_formed(first, frames[0])
     if first.broken or not first.found.any():
@@ -103,7 +103,7 @@ def findings(plugin: plugins.Plugin, renderer: Renderer) -> Iterator[Finding]:
     )
     same = vars(method) == before and method == cls()
     yield _judged(same, "self is unchanged", "self changed while it ran: state is passed, not kept")
-    large = renderer(scene, (2 * SIZE[0], 2 * SIZE[1])).render(0)
+    large = renderer(scene, 2 * SIZE[0], 2 * SIZE[1]).render(0)
     larger = _Answer(method, scene, large)
     yield from (f for f in _well_formed(larger, large) if f.level == "fail")
     if not larger.broken and larger.found.any():

@@ -13,8 +13,8 @@ RADIUS = 0.6
 class Renderer:
     """Stands in for `frame.FrameRenderer`."""
 
-    def __init__(self, scene, size):
-        self.scene, (self.width, self.height) = scene, size
+    def __init__(self, scene, width, height):
+        self.scene, self.width, self.height = scene, width, height
 
     def render(self, index: int) -> Frame:
         camera = self.scene.camera(self.scene.time(index))
