@@ -32,7 +32,7 @@ SIZE = (96, 64)
 TIMEOUT_S = 300.0
 
 Renderer = Callable[[Scene, int, int], Any]
-"""`frame.FrameRenderer`, or what stands in for it: (scene, width, height) -> something with render(index) -> api.Frame."""
+"""`frame.FrameRenderer` or its stand-in: (scene, width, height) -> something with render(index) -> api.Frame."""
 
 
 @dataclass(frozen=True)
