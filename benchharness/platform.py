@@ -51,6 +51,16 @@ def use_variant(variant: str) -> None:
         ) from error
 
 
+def use_any_variant() -> None:
+    """Sets the first variant that can be set, so that plugins can be imported to be looked at."""
+    for variant in VARIANTS:
+        try:
+            return use_variant(variant)
+        except EnvironmentBroken:
+            continue
+    return use_variant("scalar_rgb")
+
+
 @contextmanager
 def alone(say: Callable[[str], None]) -> Iterator[None]:
     """Holds this machine's timing lock: one job at a time is timed on a machine, whoever starts it.

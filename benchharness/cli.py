@@ -1,0 +1,207 @@
+"""The command line. No logic: every command is one call, and an exit code with one meaning.
+
+0 fine; 1 a regression was found; 2 the user's input is wrong; 3 incomplete (something crashed, or nothing ran); 4 the
+two sides cannot be compared; 5 the environment is broken.
+"""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, NoReturn
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from benchharness import platform
+
+FINE, REGRESSION, WRONG_INPUT, INCOMPLETE, INCOMPARABLE, BROKEN_ENVIRONMENT = range(6)
+BASELINES = Path("results") / "baselines"
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Compares ways to render what a curved mirror shows: speed against accuracy, and where each breaks.",
+)
+
+
+@app.command()
+def run(
+    config: Annotated[Path, typer.Argument(help="the study, a TOML file")],
+    out: Annotated[Path | None, typer.Option(help="run folder; a new one under results/runs if not given")] = None,
+    only: Annotated[list[str] | None, typer.Option(metavar="METHOD", help="run this method; may be repeated")] = None,
+    plugin: Annotated[
+        list[str] | None, typer.Option(metavar="FILE[:NAME]", help="add the method of a file; may be repeated")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="take up a run that was interrupted")] = False,
+    cluster: Annotated[str | None, typer.Option(metavar="ADDRESS", help="a distributed scheduler")] = None,
+) -> None:
+    """Render, measure and report a study."""
+
+    def action() -> int:
+        from benchharness import config as configs
+        from benchharness import progress, runner
+
+        console = Console()
+        study = configs.load(config, plugin or (), only or ())
+        with progress.listener(console) as listener:
+            code, folder = runner.run(study, out, listener, resume=resume, cluster=cluster)
+        print(folder / "report.html")
+        return code
+
+    _exit(action)
+
+
+@app.command()
+def report(run: Annotated[Path, typer.Argument(help="a run folder")]) -> None:
+    """Write report.html of a run anew."""
+
+    def action() -> int:
+        from benchharness import report
+
+        print(report.write(run))
+        return FINE
+
+    _exit(action)
+
+
+@app.command()
+def compare(
+    base: Annotated[Path, typer.Argument(help="what was: a run folder, or a results.csv")],
+    new: Annotated[Path, typer.Argument(help="what is: a run folder, or a results.csv")],
+    fail_on_time: Annotated[bool, typer.Option("--fail-on-time", help="slower is a regression, too")] = False,
+) -> None:
+    """Say whether a change made it better or worse. Exit code 1 for a regression, 4 if it cannot be said."""
+
+    def action() -> int:
+        from benchharness import compare
+
+        verdict = compare.compare(base, new, fail_on_time=fail_on_time)
+        print(compare.render(verdict))
+        return verdict.exit_code
+
+    _exit(action)
+
+
+@app.command()
+def accept(
+    run: Annotated[Path, typer.Argument(help="a run folder")],
+    because: Annotated[str, typer.Option(help="the reason, which is kept")],
+    baselines: Annotated[Path, typer.Option(help="folder of the baselines")] = BASELINES,
+) -> None:
+    """Make a run the baseline of its config."""
+
+    def action() -> int:
+        from benchharness import compare
+
+        print(compare.accept(run, baselines, because))
+        return FINE
+
+    _exit(action)
+
+
+@app.command("list")
+def list_(
+    what: Annotated[str | None, typer.Argument(help="methods, scenes or configs; all if not given")] = None,
+) -> None:
+    """Show what there is to run, and with which parameters."""
+
+    def action() -> int:
+        from benchharness import listing, plugins
+
+        if what is not None and what not in listing.KINDS:
+            raise ValueError(f"list: {plugins.unknown(what, listing.KINDS)}")
+        platform.use_any_variant()
+        for kind in listing.KINDS if what is None else (what,):
+            if what is None:
+                print(f"{kind}:")
+            for line in listing.KINDS[kind]():
+                print(line)
+        return FINE
+
+    _exit(action)
+
+
+@app.command("new-method")
+def new_method(name: Annotated[str, typer.Argument(help="such as my_method")]) -> None:
+    """Write a small method that runs, as a start."""
+
+    def action() -> int:
+        from benchharness import template
+
+        path = template.new_method(name, Path())
+        print(f"{path}\nbenchharness check-method {path}\nbenchharness run CONFIG --plugin {path}")
+        return FINE
+
+    _exit(action)
+
+
+@app.command("check-method")
+def check_method(file: Annotated[str, typer.Argument(metavar="FILE[:NAME]")]) -> None:
+    """See whether a method keeps its contract. Exit code 2 if it does not."""
+
+    def action() -> int:
+        from benchharness import check
+
+        found = check.check(file)
+        for finding in found:
+            print(f"{finding.level}  {finding.text}")
+        return WRONG_INPUT if any(finding.level == "fail" for finding in found) else FINE
+
+    _exit(action)
+
+
+@app.command()
+def doctor() -> None:
+    """Try every variant on this machine, and say how to mend what does not work."""
+
+    def action() -> int:
+        from benchharness import doctor
+
+        diagnoses = doctor.examine()
+        for diagnosis in diagnoses:
+            print(f"{diagnosis.name}: {'works' if diagnosis.works else 'does not work'}: {diagnosis.seen}")
+            if diagnosis.mend is not None:
+                print(f"  mend: {diagnosis.mend}")
+        return FINE if doctor.usable(diagnoses) else BROKEN_ENVIRONMENT
+
+    _exit(action)
+
+
+def main() -> None:
+    """The console script. What we did not foresee is a traceback and exit code 3, never 1, which means a regression."""
+    try:
+        app()
+    except Exception:
+        traceback.print_exc()
+        sys.exit(INCOMPLETE)
+
+
+def _exit(action: Callable[[], int]) -> NoReturn:
+    """Ends the command with what the action returns, or with the code of what it raises and one clear message."""
+    from benchharness.runner import Incomparable
+
+    try:
+        code = action()
+    except platform.EnvironmentBroken as error:
+        code = _said(error, BROKEN_ENVIRONMENT)
+    except Incomparable as error:
+        code = _said(error, INCOMPARABLE)
+    except (ValueError, FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError) as error:
+        code = _said(error, WRONG_INPUT)
+    except KeyboardInterrupt:
+        code = _said("interrupted; `run` with --resume takes up where it stopped", INCOMPLETE)
+    raise typer.Exit(code)
+
+
+def _said(message: object, code: int) -> int:
+    Console(stderr=True, soft_wrap=True).print(f"[red]error:[/red] {escape(str(message))}", highlight=False)
+    return code
+
+
+if __name__ == "__main__":
+    main()

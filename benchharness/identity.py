@@ -1,0 +1,60 @@
+"""Hashes that say whether two numbers may be compared: of a scene's content, of a method's source, of a config."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import benchharness
+from benchharness.scene import Mesh, Scene
+
+LENGTH = 16
+"""Hexadecimal digits kept: 64 bits, far beyond chance among the runs of one project."""
+
+
+def of_scene(scene: Scene) -> str:
+    """Of everything that a picture of the scene is made from, over its whole animation; names and `shows` are not."""
+    digest = hashlib.sha256()
+    for part in scene.parts:
+        digest.update(type(part).__name__.encode())
+        _add_mesh(digest, part.mesh)
+    for reflector in scene.reflectors:
+        digest.update(json.dumps([reflector.eta, reflector.k, reflector.closed is not None]).encode())
+        if reflector.closed is not None:
+            _add_mesh(digest, reflector.closed)
+    for frame in range(scene.frames):
+        time = scene.time(frame)
+        camera = scene.camera(time)
+        digest.update(np.ascontiguousarray(scene.poses(time), np.float64).tobytes())
+        digest.update(np.array([*camera.eye, *camera.target, *camera.up, camera.fov_deg], np.float64).tobytes())
+    constants = [scene.frames, scene.fps, scene.near, *scene.background, scene.ppd, scene.exposure]
+    digest.update(np.array(constants, np.float64).tobytes())
+    return digest.hexdigest()[:LENGTH]
+
+
+def of_method(method: type) -> str:
+    """Of the file that defines the class and of the sources of `benchharness.kernels`."""
+    source = inspect.getsourcefile(method)
+    assert source is not None, method
+    kernels = Path(benchharness.__file__).parent / "kernels"
+    digest = hashlib.sha256(Path(source).read_bytes())
+    for file in sorted(kernels.rglob("*.py")):
+        digest.update(file.relative_to(kernels).as_posix().encode() + b"\0" + file.read_bytes())
+    return digest.hexdigest()[:LENGTH]
+
+
+def of_options(options: Mapping[str, Any]) -> str:
+    """Of plain values, whatever the order of their keys."""
+    return hashlib.sha256(json.dumps(options, sort_keys=True).encode()).hexdigest()[:LENGTH]
+
+
+def _add_mesh(digest: Any, mesh: Mesh) -> None:
+    for values in (mesh.vertices, mesh.faces, mesh.normals, mesh.albedo, mesh.emission, mesh.radiance):
+        array = np.zeros(0) if values is None else np.ascontiguousarray(values)
+        digest.update(str(array.shape).encode() + array.tobytes())

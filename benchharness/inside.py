@@ -1,0 +1,66 @@
+"""Is a point inside a closed mesh? The winding number, and the check of a scene's cameras that needs it.
+
+The generalized winding number of a closed mesh about a point is the sum of the signed solid angles of its triangles
+over 4π (Van Oosterom and Strackee 1983, eq. 8; Jacobson et al. 2013): ±1 inside, 0 outside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from benchharness.scene import Mesh, Scene
+
+
+def winding_number(mesh: Mesh, point: np.ndarray) -> float:
+    """Of `mesh` about `point`, float64 [3], both in the mesh's space."""
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces] - point, 1, 0)
+    la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
+    above = np.einsum("fi,fi->f", a, np.cross(b, c))
+    below = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb
+    return float(np.arctan2(above, below).sum() / (2.0 * np.pi))
+
+
+def is_closed(mesh: Mesh) -> bool:
+    """Whether every edge has exactly two faces, vertices at the same place counting as one."""
+    place = np.unique(mesh.vertices, axis=0, return_inverse=True)[1].reshape(-1)
+    faces = place[mesh.faces]
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    if len(faces) == 0:
+        return False
+    edges = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
+
+
+def check_cameras(scene: Scene, frames: Iterable[int], where: str) -> None:
+    """Raises ValueError if a camera has no direction, or stands inside a closed reflector, at any of the frames."""
+    solids = []
+    for reflector in scene.reflectors:
+        solid = reflector.closed if reflector.closed is not None else reflector.mesh
+        if reflector.closed is not None or is_closed(solid):
+            solids.append((reflector, solid))
+    for frame in frames:
+        time = scene.time(frame)
+        camera = scene.camera(time)
+        eye = np.asarray(camera.eye, np.float64)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            usable = bool(np.isfinite(camera.axes()).all()) and 0 < camera.fov_deg < 180
+        if not usable:
+            raise ValueError(
+                f"{where}: the camera of frame {frame} (eye {_point(eye)}, target {_point(camera.target)}, "
+                f"fov_deg {camera.fov_deg}) has no picture; accepted: a target away from the eye, not straight along "
+                "`up`, and a field of view between 0 and 180 degrees"
+            )
+        for reflector, solid in solids:
+            pose = reflector.pose(time)
+            local = np.linalg.solve(pose, [*eye, 1.0])[:3]
+            if abs(winding_number(solid, local)) > 0.5:
+                raise ValueError(
+                    f"{where}: the camera of frame {frame}, eye {_point(eye)}, is inside reflector {reflector.name!r}; "
+                    "accepted: eyes outside every closed reflector (an open sheet has no inside)"
+                )
+
+
+def _point(values) -> str:
+    return "[" + ", ".join(f"{float(v):g}" for v in values) + "]"

@@ -1,0 +1,179 @@
+"""Parameters of methods and scenes: what a plugin declares, what a user gives, and every combination of a sweep.
+
+A method's parameters are its dataclass fields, a scene's the keywords of its builder. Both are validated against their
+annotations (pydantic, strict: `64` is an int and a float, `"64"` is neither, `1` is no bool). A list sweeps, unless the
+annotation is itself a sequence and the list is one value of it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import itertools
+import json
+import types
+import typing
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from pydantic import TypeAdapter, ValidationError
+
+from benchharness import plugins
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One declared parameter. `default` is `Parameter.required` where the user has to give a value."""
+
+    name: str
+    annotation: Any
+    default: Any
+
+    required: typing.ClassVar[Any] = inspect.Parameter.empty
+
+    def accepted(self) -> str:
+        """What a value may be, in words."""
+        return describe(self.annotation)
+
+    def value(self, given: Any, where: str) -> Any:
+        """The validated value. Raises ValueError; `where` is 'file: key'."""
+        try:
+            return TypeAdapter(self.annotation).validate_json(_json(given, where), strict=True)
+        except ValidationError as error:
+            raise ValueError(
+                f"{where} is {_shown(given)}; accepted: {self.accepted()} ({error.errors()[0]['msg']})"
+            ) from None
+
+    def choices(self, given: Any, where: str) -> list[Any]:
+        """The values that a table's entry sweeps over, in the order given, each once."""
+        if not isinstance(given, list):
+            return [self.value(given, where)]
+        if _takes_sequence(self.annotation) and not (given and all(isinstance(item, list) for item in given)):
+            return [self.value(given, where)]
+        if not given:
+            raise ValueError(f"{where} is an empty list; accepted: {self.accepted()}, or a list of such to sweep over")
+        values = [self.value(item, f"{where}[{number}]") for number, item in enumerate(given)]
+        return [value for number, value in enumerate(values) if value not in values[:number]]
+
+
+def of_method(method: type) -> dict[str, Parameter]:
+    """Name -> parameter of a method class, in the order of its fields."""
+    hints = typing.get_type_hints(method, include_extras=True)
+    return {
+        field.name: Parameter(field.name, hints[field.name], _field_default(field))
+        for field in dataclasses.fields(method)
+        if field.init
+    }
+
+
+def of_builder(builder: Callable) -> dict[str, Parameter]:
+    """Name -> parameter of a scene's builder, in its order. Raises ValueError for *args, **kwargs and bare names."""
+    hints = typing.get_type_hints(builder, include_extras=True)
+    found = {}
+    for name, parameter in inspect.signature(builder).parameters.items():
+        if parameter.kind not in (parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY) or name not in hints:
+            raise ValueError(
+                f"builder {builder.__name__}: parameter {name!r} has no annotation or no name of its own; "
+                "accepted: annotated keywords"
+            )
+        found[name] = Parameter(name, hints[name], parameter.default)
+    return found
+
+
+def options(kind: type, table: Mapping[str, Any], where: str) -> Any:
+    """An instance of a dataclass of options out of a table's section. Raises ValueError as `sweep` does."""
+    declared = of_method(kind)
+    for key in table:
+        if key not in declared:
+            raise ValueError(f"{where}: key {plugins.unknown(key, declared)}")
+    values = {key: declared[key].value(given, f"{where}.{key}") for key, given in table.items()}
+    try:
+        return kind(**values)
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from None
+
+
+def sweep(table: Mapping[str, Any], declared: Mapping[str, Parameter], where: str) -> list[dict[str, Any]]:
+    """All combinations of a table's values, the first key slowest; each with every declared parameter in its order.
+
+    Raises ValueError for unknown, missing and wrong values; `where` is 'file: section'.
+    """
+    for key in table:
+        if key not in declared:
+            raise ValueError(f"{where}: key {plugins.unknown(key, declared)}")
+    for name, parameter in declared.items():
+        if parameter.default is Parameter.required and name not in table:
+            raise ValueError(f"{where}: key {name!r} is missing; accepted: {parameter.accepted()}")
+    axes = [declared[key].choices(given, f"{where}.{key}") for key, given in table.items()]
+    defaults = {name: parameter.default for name, parameter in declared.items()}
+    return [
+        {name: {**defaults, **dict(zip(table, point, strict=True))}[name] for name in declared}
+        for point in itertools.product(*axes)
+    ]
+
+
+def canonical(params: Mapping[str, Any]) -> str:
+    """The `name=value` list of the tables, in the order of the names: `mip=True; resolution=64`."""
+    return "; ".join(f"{name}={text(params[name])}" for name in sorted(params))
+
+
+def text(value: Any) -> str:
+    """A value in the tables: Python's repr, text plain, tuples as lists, so that it survives a file of JSON."""
+    return value if isinstance(value, str) else repr(json.loads(json.dumps(value)))
+
+
+def describe(annotation: Any) -> str:
+    """An annotation in words: `"sq" or "dot"`, `int, at least 1`, `true or false`."""
+    origin, args = typing.get_origin(annotation), typing.get_args(annotation)
+    if origin is Annotated:
+        limits = [_limit(c) for meta in args[1:] for c in getattr(meta, "metadata", None) or [meta]]
+        return ", ".join([describe(args[0]), *filter(None, limits)])
+    if origin is Literal:
+        return " or ".join(json.dumps(a) for a in args)
+    if origin in (typing.Union, types.UnionType):
+        return " or ".join(describe(a) for a in args if a is not type(None))
+    if annotation is bool:
+        return "true or false"
+    if origin is tuple and ... not in args:
+        return f"[{', '.join(describe(a) for a in args)}]"
+    if origin is not None:
+        return f"list of ({'), ('.join(describe(a) for a in args if a is not ...)})"
+    return getattr(annotation, "__name__", str(annotation))
+
+
+def _limit(constraint: Any) -> str:
+    """An annotated-types constraint in words; empty for what says nothing about the value."""
+    words = {"ge": "at least", "gt": "more than", "le": "at most", "lt": "less than", "multiple_of": "a multiple of"}
+    return " and ".join(
+        f"{word} {getattr(constraint, key)}"
+        for key, word in words.items()
+        if getattr(constraint, key, None) is not None
+    )
+
+
+def _takes_sequence(annotation: Any) -> bool:
+    origin, args = typing.get_origin(annotation), typing.get_args(annotation)
+    if origin is Annotated:
+        return _takes_sequence(args[0])
+    if origin in (typing.Union, types.UnionType):
+        return any(_takes_sequence(a) for a in args)
+    kind = origin or annotation
+    return isinstance(kind, type) and issubclass(kind, Sequence | set | frozenset) and not issubclass(kind, str | bytes)
+
+
+def _field_default(field: dataclasses.Field) -> Any:
+    if field.default is not dataclasses.MISSING:
+        return field.default
+    return Parameter.required if field.default_factory is dataclasses.MISSING else field.default_factory()
+
+
+def _json(given: Any, where: str) -> str:
+    try:
+        return json.dumps(given)
+    except TypeError:
+        raise ValueError(f"{where} is {given} (a TOML date or time); accepted: a number, text, true, false") from None
+
+
+def _shown(given: Any) -> str:
+    return json.dumps(given, default=str)

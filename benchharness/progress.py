@@ -1,0 +1,62 @@
+"""How a run tells how far it is: bars in a terminal, lines elsewhere."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from benchharness.config import Job
+
+
+class Bars:
+    """A bar per scene configuration, in frames."""
+
+    def __init__(self, console: Console, progress: Progress) -> None:
+        self._console, self._progress, self._task = console, progress, None
+
+    def job(self, number: int, job: Job, left: int) -> None:
+        done = len(job.frames) - left
+        self._task = self._progress.add_task(_title(job), total=len(job.frames), completed=done)
+
+    def frame(self, frame: int, records: list[dict]) -> None:
+        if self._task is not None:
+            self._progress.advance(self._task)
+
+    def note(self, text: str) -> None:
+        self._console.print(text, markup=False, highlight=False)
+
+
+class Lines:
+    """A line per frame; nothing is drawn over."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+
+    def job(self, number: int, job: Job, left: int) -> None:
+        self.note(f"{_title(job)}: {left} of {len(job.frames)} frames, {len(job.entries)} methods with parameters")
+
+    def frame(self, frame: int, records: list[dict]) -> None:
+        counts = Counter(record["status"] for record in records)
+        self.note(f"  frame {frame}: " + ", ".join(f"{count} {status}" for status, count in counts.items()))
+
+    def note(self, text: str) -> None:
+        self._console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+
+@contextmanager
+def listener(console: Console) -> Iterator[Bars | Lines]:
+    """The one that fits the console."""
+    if not console.is_terminal:
+        yield Lines(console)
+        return
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+    with Progress(*columns, console=console) as progress:
+        yield Bars(console, progress)
+
+
+def _title(job: Job) -> str:
+    return f"{job.facts['scene']} ({job.facts['detail']})"

@@ -1,0 +1,197 @@
+"""A scene out of a TOML table that names mesh files: the user's own models without a line of Python.
+
+    [scenes.mine]
+    frames = 25
+    background = [0.2, 0.2, 0.2]
+    objects = [{name = "room", mesh = "room.obj", albedo = [0.6, 0.5, 0.4], shows = "straight edges"},
+               {name = "lamp", mesh = "lamp.obj", emission = [8, 8, 8], shows = "a highlight"}]
+    reflectors = [{name = "ball", mesh = "ball.ply", translate = [0, 0, 1], eta = [0.2, 0.9, 1.1], k = [3.9, 2.4, 2.1]}]
+    camera = {path = [[0, -4, 1.5], [1, -4, 1.5]], target = [0, 0, 1], fov_deg = 40}
+
+Paths are relative to the config. OBJ, PLY and GLB are read by trimesh, vertices as they stand in the file
+(right-handed, z up, metres; `scale`, then `rotate_deg` about x, y, z in this order, then `translate` bring others
+there). A file's own normals are kept. Colours and textures of a file are not read: albedo and emission are one colour
+per object. Objects do not move; the eye goes along `path` at even pace between its points.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import trimesh
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from benchharness import plugins
+from benchharness.inside import is_closed
+from benchharness.scene import Camera, Mesh, Object, Reflector, Scene, merged
+
+SUFFIXES = (".obj", ".ply", ".glb")
+
+Vector = tuple[float, float, float]
+Share = Annotated[float, Field(ge=0, le=1)]
+Positive = Annotated[float, Field(gt=0)]
+Radiance = Annotated[float, Field(ge=0)]
+
+
+class Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class Placed(Table):
+    name: str
+    mesh: str
+    translate: Vector = (0.0, 0.0, 0.0)
+    rotate_deg: Vector = (0.0, 0.0, 0.0)
+    scale: Positive = 1.0
+
+
+class ObjectTable(Placed):
+    shows: str
+    albedo: tuple[Share, Share, Share] = (0.5, 0.5, 0.5)
+    emission: tuple[Radiance, Radiance, Radiance] = (0.0, 0.0, 0.0)
+
+
+class ReflectorTable(Placed):
+    closed: str | None = None
+    eta: tuple[Positive, Positive, Positive] | None = None
+    k: tuple[Radiance, Radiance, Radiance] | None = None
+
+
+class CameraTable(Table):
+    path: Annotated[list[Vector], Field(min_length=1)]
+    target: Vector
+    fov_deg: Annotated[float, Field(gt=0, lt=180)]
+    up: Vector = (0.0, 0.0, 1.0)
+
+
+class SceneTable(Table):
+    objects: Annotated[list[ObjectTable], Field(min_length=1)]
+    reflectors: Annotated[list[ReflectorTable], Field(min_length=1)]
+    camera: CameraTable
+    frames: Annotated[int, Field(ge=1)] = 1
+    fps: Positive = 25.0
+    near: Positive = 0.01
+    background: tuple[Radiance, Radiance, Radiance] = (0.0, 0.0, 0.0)
+    ppd: Positive = 67.0
+    exposure: float = 0.0
+
+
+def validated(table: dict[str, Any], where: str) -> SceneTable:
+    """The table, checked. Raises ValueError that names the key, its value and what would be accepted."""
+    try:
+        return SceneTable.model_validate_json(json.dumps(table, default=str))
+    except ValidationError as failed:
+        error = failed.errors()[0]
+    place = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in error["loc"])
+    if error["type"] == "extra_forbidden":
+        sections = {"objects": ObjectTable, "reflectors": ReflectorTable, "camera": CameraTable}
+        model = sections[str(error["loc"][0])] if len(error["loc"]) > 1 else SceneTable
+        above = place.rpartition(".")[0]
+        raise ValueError(f"{where}{above}: key {plugins.unknown(list(error['loc'])[-1], model.model_fields)}")
+    if error["type"] == "missing":
+        raise ValueError(f"{where}{place} is missing; accepted: see benchharness/tablescene.py")
+    raise ValueError(f"{where}{place} is {json.dumps(error['input'])}; accepted: {error['msg']}")
+
+
+def build(name: str, table: SceneTable, base: Path, where: str) -> Scene:
+    """The scene of a validated table. `where` is 'file: section'. Raises ValueError that names the key at fault."""
+    objects, reflectors = [], []
+    for number, entry in enumerate(table.objects):
+        mesh = load_mesh(base / entry.mesh, f"{where}.objects[{number}].mesh", entry)
+        mesh = Mesh(mesh.vertices, mesh.faces, mesh.normals, entry.albedo, entry.emission)
+        objects.append(Object(entry.name, mesh, entry.shows))
+    for number, entry in enumerate(table.reflectors):
+        key = f"{where}.reflectors[{number}]"
+        if (entry.eta is None) != (entry.k is None):
+            raise ValueError(f"{key} has only one of eta and k; accepted: both (a conductor) or none (an ideal mirror)")
+        mesh = load_mesh(base / entry.mesh, f"{key}.mesh", entry)
+        closed = None
+        if entry.closed is not None:
+            closed = load_mesh(base / entry.closed, f"{key}.closed", entry)
+            if not is_closed(closed):
+                raise ValueError(f"{key}.closed: {entry.closed} is not watertight; accepted: every edge has two faces")
+        reflectors.append(Reflector(entry.name, mesh, closed, entry.eta, entry.k))
+    for kind, names in [("objects", [o.name for o in objects]), ("reflectors", [r.name for r in reflectors])]:
+        twice = sorted({n for n in names if names.count(n) > 1})
+        if twice:
+            raise ValueError(f"{where}.{kind}: the name {twice[0]!r} is there twice; accepted: one part per name")
+    return Scene(
+        name=name,
+        objects=tuple(objects),
+        reflectors=tuple(reflectors),
+        camera=_camera(table),
+        frames=table.frames,
+        fps=table.fps,
+        near=table.near,
+        background=table.background,
+        ppd=table.ppd,
+        exposure=table.exposure,
+        source=table.model_dump(mode="json"),
+    )
+
+
+def load_mesh(path: Path, where: str, placed: Placed) -> Mesh:
+    """A mesh file, put in its place. Raises ValueError for what is no file, no mesh, empty or not finite."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise ValueError(f"{where} is {str(path)!r}; accepted: a file that ends in {', '.join(SUFFIXES)}")
+    if not path.is_file():
+        raise ValueError(f"{where}: there is no file {path}; accepted: a path relative to the config")
+    try:
+        pieces = list(_pieces(trimesh.load_scene(path, process=False)))
+    except Exception as error:
+        raise ValueError(f"{where}: {path} cannot be read: {error}; accepted: triangle meshes") from error
+    if sum(len(faces) for _, faces, _ in pieces) == 0:
+        raise ValueError(f"{where}: {path} has no faces; accepted: a mesh with at least one triangle")
+    for vertices, _, _ in pieces:
+        if not np.isfinite(vertices).all():
+            bad = int(np.flatnonzero(~np.isfinite(vertices).all(axis=1))[0])
+            raise ValueError(f"{where}: vertex {bad} of {path} is {vertices[bad]}; accepted: finite coordinates")
+    try:
+        return merged(*(Mesh(v, f, n) for v, f, n in pieces if len(f))).transformed(_pose(placed))
+    except ValueError as error:
+        raise ValueError(f"{where}: {path}: {error}") from None
+
+
+def _pieces(loaded: Any) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Vertices, faces and unit normals of every mesh of a trimesh.Scene, in the scene's space."""
+    for node in sorted(loaded.graph.nodes_geometry):
+        pose, geometry = loaded.graph[node]
+        piece = loaded.geometry[geometry]
+        if not isinstance(piece, trimesh.Trimesh):  # points and lines
+            continue
+        linear, faces = pose[:3, :3], np.asarray(piece.faces, np.int64)
+        normals = np.asarray(piece.vertex_normals, np.float64) @ np.linalg.inv(linear)
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        own = np.isfinite(length) & (length > 0)
+        normals = np.where(own, normals / np.where(own, length, 1.0), [0.0, 0.0, 1.0])
+        mirrored = np.linalg.det(linear) < 0
+        yield np.asarray(piece.vertices) @ linear.T + pose[:3, 3], faces[:, ::-1] if mirrored else faces, normals
+
+
+def _pose(placed: Placed) -> np.ndarray:
+    """Scale, then turns about x, y and z, then the translation, float64 [4, 4]."""
+    pose = np.eye(4)
+    for axis, angle in enumerate(np.radians(placed.rotate_deg)):
+        turn, (i, j) = np.eye(3), [(1, 2), (2, 0), (0, 1)][axis]
+        turn[[i, i, j, j], [i, j, i, j]] = [np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle)]
+        pose[:3, :3] = turn @ pose[:3, :3]
+    pose[:3, :3] *= placed.scale
+    pose[:3, 3] = placed.translate
+    return pose
+
+
+def _camera(table: SceneTable) -> Any:
+    """Time in seconds -> Camera: the first eye at frame 0, the last at the last frame."""
+    path, camera = np.array(table.camera.path), table.camera
+    last = (table.frames - 1) / table.fps
+
+    def at(time: float) -> Camera:
+        along = 0.0 if last == 0 else min(max(time / last, 0.0), 1.0) * (len(path) - 1)
+        x, y, z = (float(np.interp(along, np.arange(len(path)), path[:, axis])) for axis in range(3))
+        return Camera((x, y, z), camera.target, camera.fov_deg, camera.up)
+
+    return at

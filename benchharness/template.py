@@ -1,0 +1,57 @@
+"""`new-method`: the first twenty lines of a method, which run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from benchharness import plugins
+
+METHOD = '''"""{title}: a sky, brighter above, seen by every reflected ray.
+
+Say here: the idea in two sentences; paper, section and equation; what it assumes; where it fails; where it differs from
+the paper, and what that changes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import drjit as dr
+import mitsuba as mi
+
+from benchharness.api import Frame, Method, Reflection
+from benchharness.scene import Scene
+
+
+@dataclass(frozen=True)
+class {name}(Method):
+    """
+    brightness  radiance of the sky straight up
+    """
+
+    paper: ClassVar[str] = "none"
+    brightness: float = 1.0
+
+    def prepare(self, scene: Scene) -> mi.Float:
+        return dr.opaque(mi.Float, self.brightness)
+
+    def shade(self, state: mi.Float, frame: Frame) -> tuple[Reflection, mi.Float]:
+        wo = 2.0 * dr.dot(frame.v, frame.n) * frame.n - frame.v
+        L = mi.Color3f(state * (0.5 + 0.5 * wo.z))
+        distance = dr.full(mi.Float, dr.inf, dr.width(L))
+        return Reflection(L, distance, found=frame.active), state
+'''
+
+
+def new_method(name: str, folder: Path) -> Path:
+    """Writes `folder/name.py`. Raises ValueError for what is no module's name, and never writes over a file."""
+    if not (name.isidentifier() and name == name.lower()):
+        raise ValueError(f"new-method: {name!r} is no name; accepted: small letters, digits and _, such as my_method")
+    path = folder / f"{name}.py"
+    try:
+        with open(path, "x", encoding="utf-8") as stream:
+            stream.write(METHOD.format(title=name.replace("_", " ").capitalize(), name=plugins.camel_case(name)))
+    except FileExistsError:
+        raise ValueError(f"new-method: {path} exists; accepted: a name that is not taken") from None
+    return path

@@ -1,0 +1,147 @@
+"""The process in which methods run: `python -m benchharness.worker JOBFILE`, started by `benchharness.supervisor`.
+
+Dr.Jit and LLVM abort the process, they do not raise; so the process that keeps the results is another one. What this
+one has to say are lines of JSON on the stdout it was given; its own stdout and stderr, native code's included, go to
+the log. It ends when its parent does, however that ended.
+
+Lines: {"event": "out", "entry", "status", "reason"}        the entry does not run in this job, and why
+       {"event": "ready"}                                   the scene is prepared
+       {"event": "start", "frame"}                          the clock of a frame starts
+       {"event": "watch", "entry"}                          native code of this entry starts; "" when it ends
+       {"event": "frame", "frame", "records", "samples"}    a frame is done
+       {"event": "failed", "reason"}                        an exception outside any method
+"""
+
+from __future__ import annotations
+
+import contextlib
+import faulthandler
+import importlib
+import json
+import os
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from benchharness import platform
+
+if TYPE_CHECKING:
+    from benchharness.api import Method
+
+
+class Bench(Protocol):
+    """What measures: `Bench(scene, size, reference, out, seed, rounds)`, one scene in one process.
+
+    out        folder for the pictures of the next frame; None where none are kept. Set before every frame
+    run_frame  (frame, entry -> method, watch) -> records with the measured columns and "entry", and samples with
+               "entry" ("" for what belongs to no method), "clock", "round", "ms". Calls `watch(entry)` just before
+               native code of an entry runs and `watch("")` after it. A method's exception is a record with status
+               "crashed". The numbers do not depend on which frames and entries ran before in this process, so that
+               a run that was interrupted, or that lost a method, has the numbers of one that was not.
+    """
+
+    out: Path | None
+
+    def run_frame(
+        self, index: int, methods: Mapping[str, Method], watch: Callable[[str], None]
+    ) -> tuple[list[dict], list[dict]]: ...
+
+
+def main(job_file: str) -> None:
+    say = _channel()
+    job = json.loads(Path(job_file).read_text(encoding="utf-8"))
+    _end_with_parent(job["parent"])
+    faulthandler.enable()
+    try:
+        _work(job, say)
+    except Exception as error:
+        traceback.print_exc()
+        say({"event": "failed", "reason": f"{type(error).__name__}: {error}"})
+
+
+def _work(job: dict[str, Any], say: Callable[[dict], None]) -> None:
+    platform.use_variant(job["variant"])
+    from benchharness.config import Entry, SceneSpec
+    from benchharness.reference import ReferenceOptions
+
+    def watch(entry: str) -> None:
+        say({"event": "watch", "entry": entry})
+
+    scene = SceneSpec(**job["scene"]).build()
+    methods = {}
+    for entry in (Entry(**values) for values in job["entries"]):
+        method = entry.build()
+        watch(entry.key)
+        try:
+            refusal, status = method.refuses(scene), "refused"
+        except Exception as error:
+            traceback.print_exc()
+            refusal, status = f"refuses: {type(error).__name__}: {error}", "crashed"
+        watch("")
+        if refusal is None:
+            methods[entry.key] = method
+        else:
+            say({"event": "out", "entry": entry.key, "status": status, "reason": refusal})
+    if not methods:
+        return
+
+    module, _, name = job["bench"].partition(":")
+    out = None if job["out"] is None else Path(job["out"])
+    bench: Bench = getattr(importlib.import_module(module), name)(
+        scene, tuple(job["size"]), ReferenceOptions(**job["reference"]), out, job["seed"], tuple(job["rounds"])
+    )
+    say({"event": "ready"})
+    for frame in job["frames"]:
+        say({"event": "start", "frame": frame})
+        bench.out = out if frame in job["images"] else None
+        records, samples = bench.run_frame(frame, methods, watch)
+        assert [r["entry"] for r in records] == list(methods), "one record per entry, in their order"
+        say({"event": "frame", "frame": frame, "records": records, "samples": samples})
+
+
+def _channel() -> Callable[[dict], None]:
+    """Keeps the given stdout for our lines, and sends everybody else's to stderr, which is the log."""
+    channel = os.dup(1)
+    os.dup2(2, 1)
+
+    def say(line: dict) -> None:
+        data = (json.dumps(line, default=_plain) + "\n").encode()
+        while data:
+            data = data[os.write(channel, data) :]
+
+    return say
+
+
+def _plain(value: Any) -> Any:
+    """A NumPy scalar as a Python number."""
+    return value.item()
+
+
+def _end_with_parent(parent: int) -> None:
+    """The kernel kills us with our parent (Linux); elsewhere we see that stdin is closed. No core files."""
+    if sys.platform == "linux":
+        import ctypes
+
+        PR_SET_PDEATHSIG = 1  # linux/prctl.h
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:  # it died before we asked
+            os._exit(1)
+    with contextlib.suppress(ImportError):
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+    def watch_stdin() -> None:
+        while os.read(0, 1024):
+            pass
+        os._exit(1)
+
+    threading.Thread(target=watch_stdin, daemon=True).start()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

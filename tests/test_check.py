@@ -1,0 +1,71 @@
+"""`check-method` on a method that keeps the contract, and on one that breaks each clause of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import analytic
+import mitsuba as mi  # noqa: F401  (so that the variant is set)
+import pytest
+
+from benchharness import check, plugins, template
+
+GOOD = template.METHOD.format(title="Sky", name="Sky").replace('"none"', '"nobody 2024"')
+
+
+def findings(folder: Path, text: str) -> list[check.Finding]:
+    (folder / "sky.py").write_text(text)
+    plugin = plugins.from_path("method", "sky.py", folder, "test")
+    return list(check.findings(plugin, analytic.Renderer))
+
+
+def test_the_template_keeps_the_contract(tmp_path):
+    found = findings(tmp_path, GOOD)
+    assert [f for f in found if f.level != "pass"] == []
+    assert len(found) >= 12
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "level", "says"),
+    [
+        ("L = mi.Color3f(state *", "L = mi.Color3f(dr.nan *", "fail", "not finite in"),
+        ("(0.5 + 0.5 * wo.z)", "wo.z", "fail", "radiance is negative"),
+        ("dr.inf, dr.width(L)", "-1.0, dr.width(L)", "fail", "distance is NaN or not positive"),
+        ("dr.inf, dr.width(L)", "1.0, 7", "fail", "distance has 7 lanes; accepted: 6144"),
+        ("found=frame.active", "found=frame.active & False", "fail", "found: 0% of the pixels"),
+        ("found=frame.active", "found=frame.active & (wo.z > 0)", "warn", "found: "),
+        ("found=frame.active", "found=frame.reflector", "fail", "found is Int; accepted: Bool"),
+        ("wo = 2.0", "COUNT.append(0); state = state * len(COUNT); wo = 2.0", "fail", "two runs of a frame differ"),
+        ("(0.5 + 0.5 * wo.z)", "(0.5 + 0.0 * wo.z)", "fail", "another camera gives the same answer"),
+        ("wo = 2.0", "COUNT.append(0) if frame.index else 0; state = state * (1 + len(COUNT)); wo = 2.0",
+         "fail", "after another frame, a fresh state differs"),
+        ("return dr.opaque", "object.__setattr__(self, 'brightness', 2.0); return dr.opaque", "fail", "self changed"),
+        ("distance = ", "dr.eval(L); distance = ", "warn", "shade launches 1 kernels"),
+        ("distance = ", "raise KeyError('root'); distance = ", "fail", "96 x 64: KeyError: 'root'"),
+        ('"nobody 2024"', '""', "fail", "names no paper"),
+        ("brightness  radiance", "radiance", "warn", "no docstring tells of the parameters brightness"),
+        ("L = mi.Color3f(state *", "L = mi.Color3f(frame.view.width *", "warn", "twice the resolution changes"),
+        ("    def prepare", "    def refuses(self, scene): return 'no'\n    def prepare", "warn", "it refuses"),
+    ],
+)  # fmt: skip
+def test_a_broken_clause_is_found_and_named(tmp_path, old, new, level, says):
+    assert old in GOOD
+    text = GOOD.replace(old, new).replace("@dataclass", "COUNT = []\n\n\n@dataclass", 1)
+    found = findings(tmp_path, text)
+    assert [f for f in found if f.level == level and says in f.text], found
+
+
+def test_a_method_that_aborts_is_a_finding(tmp_path):
+    (tmp_path / "sky.py").write_text("import os\nos.abort()\n")
+    assert check.check(str(tmp_path / "sky.py"))[-1].level == "fail"
+    assert "signal 6" in check.check(str(tmp_path / "sky.py"))[-1].text
+
+
+def test_a_new_method_is_never_written_over_a_file(tmp_path):
+    path = template.new_method("my_sky", tmp_path)
+    assert "class MySky(Method)" in path.read_text()
+    with pytest.raises(ValueError, match=r"my_sky\.py exists"):
+        template.new_method("my_sky", tmp_path)
+    for name in ("My", "a-b", "2x", "../x"):
+        with pytest.raises(ValueError, match="is no name; accepted: small letters"):
+            template.new_method(name, tmp_path)

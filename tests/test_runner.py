@@ -1,0 +1,218 @@
+"""Runs: rows and their order, crashes, timeouts, refusals, and runs that are killed and taken up again."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import study
+
+from benchharness import config, results, runner
+
+
+class Ear:
+    """Hears what a run says."""
+
+    def __init__(self):
+        self.notes, self.frames = [], []
+
+    def job(self, number, job, left):
+        self.frames.append(left)
+
+    def frame(self, frame, records):
+        self.frames.append(frame)
+
+    def note(self, text):
+        self.notes.append(text)
+
+
+@pytest.fixture(autouse=True)
+def tables_only(monkeypatch):
+    """The report is somebody else's; `_write` is watched for being called with what the tables say."""
+    from benchharness import report
+
+    monkeypatch.setattr(report, "write", lambda folder: folder / "report.html", raising=False)
+
+
+def run(path: Path, out: Path, bench: str = "study:Bench", **options):
+    ear = Ear()
+    code, folder = runner.run(config.load(path), out, ear, bench=bench, **options)
+    assert folder == out
+    return code, results.read_results(out), ear
+
+
+def told(rows):
+    """What of the rows has to be the same however the run went."""
+    return [{k: v for k, v in row.items() if k != "run"} for row in rows]
+
+
+def test_a_run_has_a_row_per_frame_and_entry_in_the_order_of_the_config(tmp_path):
+    path = study.write(tmp_path, '["b", "a"]', run="images = [2]")
+    code, rows, ear = run(path, tmp_path / "out")
+    assert code == 0
+    order = [(row["frame"], row["params"]) for row in rows]
+    assert order == [(f, f"behaviour={b}; size=1") for f in (0, 2, 4) for b in ("b", "a")]
+    first = rows[0]
+    assert (first["run"], first["config"], first["scene"], first["detail"]) == ("out", "study", "place", "lean")
+    assert (first["method"], first["status"], first["variant"]) == ("actor", "ok", "llvm_ad_rgb")
+    assert (first["vertices"], first["triangles"], first["reflectors"]) == (8, 8, 1)
+    assert (first["reference_lighting"], len({row["config_hash"] for row in rows})) == ("baked", 1)
+    assert all(first[name] for name in ("config_hash", "method_hash", "scene_hash", "environment"))
+    assert [p.name for p in (tmp_path / "out" / "images").iterdir()] == ["2.png"]
+    assert ear.frames == [3, 0, 2, 4]
+    samples = results.read_samples(tmp_path / "out")
+    assert len(samples) == 3 * (1 + 2)
+    assert {(s["method"] or "", s["clock"]) for s in samples} == {("", "gbuffer"), ("actor", "shade")}
+    assert (tmp_path / "out" / "summary.csv").is_file()
+    assert (tmp_path / "out" / "environment.json").is_file()
+
+
+def test_whatever_one_method_does_the_others_complete_and_every_row_says_why(tmp_path):
+    behaviours = '["first", "aborts 2", "raises 2", "leaves 4", "refuses", "chokes", "sleeps 4", "last"]'
+    path = study.write(tmp_path, behaviours, run="timeout_s = 8.0")
+    code, rows, ear = run(path, tmp_path / "out")
+    assert code == 3
+    status = {}
+    for row in rows:
+        status.setdefault(row["params"].removeprefix("behaviour=").removesuffix("; size=1"), []).append(row["status"])
+    assert status == {
+        "first": ["ok"] * 3,
+        "aborts 2": ["ok", "crashed", "crashed"],
+        "raises 2": ["ok", "crashed", "ok"],
+        "leaves 4": ["ok", "ok", "crashed"],
+        "refuses": ["refused"] * 3,
+        "chokes": ["crashed"] * 3,
+        "sleeps 4": ["ok", "ok", "timeout"],
+        "last": ["ok"] * 3,
+    }
+    reasons = {row["params"].split(";")[0]: row["reason"] for row in rows if row["status"] != "ok"}
+    assert "SIGABRT" in reasons["behaviour=aborts 2"]
+    assert "LLVM ERROR: out of luck" in reasons["behaviour=aborts 2"]
+    assert reasons["behaviour=raises 2"] == "RuntimeError: no such root"
+    assert reasons["behaviour=refuses"] == "there is no room for it"
+    assert "KeyError: 'refusing'" in reasons["behaviour=chokes"]
+    assert "frame 4 took more than 8 s" in reasons["behaviour=sleeps 4"]
+    assert any(note.startswith("crashed: actor behaviour=aborts 2") for note in ear.notes)
+    # Nothing is left to do, nothing is tried again, and the answer is the same.
+    again, same, _ = run(path, tmp_path / "out", resume=True)
+    assert (again, same) == (3, rows)
+    # Without its last frame, what crashed in an earlier one stays out: "aborts 2" would do frame 4 well.
+    journal = tmp_path / "out" / "journal.jsonl"
+    lines = journal.read_bytes().splitlines(keepends=True)
+    assert json.loads(lines[-1])["frame"] == 4
+    journal.write_bytes(b"".join(lines[:-1]))
+    again, same, _ = run(path, tmp_path / "out", resume=True)
+    assert (again, told(same)) == (3, told(rows))
+
+
+def test_a_scene_that_cannot_be_prepared_is_rows_too(tmp_path):
+    code, rows, _ = run(study.write(tmp_path, '["a"]'), tmp_path / "out", "study:Failing")
+    assert code == 3
+    assert [row["status"] for row in rows] == ["crashed"] * 3
+    assert "RuntimeError: no light outside any method" in rows[0]["reason"]
+
+
+def test_a_run_in_which_nothing_ran_is_incomplete(tmp_path):
+    code, rows, _ = run(study.write(tmp_path, '["refuses"]'), tmp_path / "out")
+    assert (code, {row["status"] for row in rows}) == (3, {"refused"})
+
+
+RUN = """
+import sys
+from pathlib import Path
+from benchharness import config, report, runner
+import test_runner
+report.write = lambda folder: folder
+runner.run(config.load(Path(sys.argv[1])), Path(sys.argv[2]), test_runner.Ear(), bench="study:Bench")
+"""
+
+
+def test_a_killed_run_takes_its_worker_along_and_resumes_to_the_rows_of_an_undisturbed_one(tmp_path):
+    path, out = study.write(tmp_path, '["a", "sleeps 4"]'), tmp_path / "out"
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    process = subprocess.Popen([sys.executable, "-c", RUN, str(path), str(out)], env=env)
+    journal = out / "journal.jsonl"
+    deadline = time.monotonic() + 60
+    while not (journal.exists() and len(journal.read_bytes().splitlines()) == 2):
+        assert process.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    worker = int(subprocess.check_output(["pgrep", "-P", str(process.pid)]))
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    while Path(f"/proc/{worker}").exists() and "\nState:\tZ" not in Path(f"/proc/{worker}/status").read_text():
+        assert time.monotonic() < deadline, "the worker outlived its parent"
+        time.sleep(0.05)
+    with open(journal, "ab") as stream:  # what a kill in the middle of a write leaves
+        stream.write(b'{"job": 0, "frame": 4, "rec')
+
+    # The method is mended by letting it sleep no longer; the hash of its file is what it was in `undisturbed`.
+    plan = json.loads((out / "run.json").read_text())
+    (tmp_path / "actor.py").write_text(study.METHOD.replace("time.sleep(600)", "time.sleep(0)"))
+    with pytest.raises(runner.Incomparable, match="methods: 'actor behaviour=a; size=1' changed"):
+        run(path, out, resume=True)
+    mended = config.load(path)
+    (out / "run.json").write_text(json.dumps({**plan, "methods": mended.method_hashes}))
+    lines = [json.loads(line) for line in journal.read_bytes().splitlines()[:-1]]
+    for line in lines:
+        for row in line["records"]:
+            row["method_hash"] = mended.method_hashes[f"actor {row['params']}"]
+    journal.write_text("".join(json.dumps(line) + "\n" for line in lines) + '{"job": 0, "frame": 4, "rec')
+
+    code, rows, ear = run(path, out, resume=True)
+    assert (code, ear.frames) == (0, [1, 4])
+    _, undisturbed, _ = run(path, tmp_path / "whole")
+    assert told(rows) == told(undisturbed)
+
+
+def test_a_folder_that_is_in_use_or_cannot_be_written_is_refused_before_any_work(tmp_path):
+    path = study.write(tmp_path, '["a"]')
+    study_ = config.load(path)
+    (tmp_path / "foreign").mkdir()
+    (tmp_path / "foreign" / "thesis.tex").touch()
+    (tmp_path / "file").touch()
+    for name, reason in [
+        ("foreign", "is not empty and holds no run"),
+        ("file", "cannot be written"),
+        ("file/below", "cannot be written"),
+    ]:
+        with pytest.raises(ValueError, match=reason):
+            runner.run(study_, tmp_path / name, Ear(), bench="study:Bench")
+    (tmp_path / "used").mkdir()
+    (tmp_path / "used" / "run.json").write_text("{}")
+    with pytest.raises(ValueError, match="holds a run; accepted: an empty folder, or --resume"):
+        runner.run(study_, tmp_path / "used", Ear(), bench="study:Bench")
+    with pytest.raises(ValueError, match="holds no run"):
+        runner.run(study_, tmp_path / "foreign", Ear(), resume=True, bench="study:Bench")
+    with pytest.raises(runner.Incomparable, match="config_hash"):
+        runner.run(study_, tmp_path / "used", Ear(), resume=True, bench="study:Bench")
+    assert not (tmp_path / "benches").exists()
+
+
+def test_without_a_folder_the_newest_run_of_the_config_is_resumed(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    study_ = config.load(study.write(tmp_path, '["refuses"]'))
+    with pytest.raises(ValueError, match="there is no run of study in"):
+        runner.run(study_, None, Ear(), resume=True, bench="study:Bench")
+    _, folder = runner.run(study_, None, Ear(), bench="study:Bench")
+    older = folder.parent / "study-20200101-000000"
+    older.mkdir()
+    (older / "run.json").write_text("{}")
+    assert runner.run(study_, None, Ear(), resume=True, bench="study:Bench")[1] == folder
+
+
+def test_a_cut_line_of_the_journal_is_dropped_and_a_damaged_one_refused(tmp_path):
+    path = tmp_path / "journal.jsonl"
+    path.write_text('{"job": 0}\n{"job": 1}\n{"jo')
+    journal = runner.Journal(path)
+    journal.append({"job": 2})
+    assert journal.lines() == [{"job": 0}, {"job": 1}, {"job": 2}]
+    path.write_text('{"job": 0}\n{"jo\n{"job": 2}\n')
+    with pytest.raises(ValueError, match="line 2 is damaged"):
+        runner.Journal(path).lines()
