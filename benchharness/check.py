@@ -86,9 +86,7 @@ def findings(plugin: plugins.Plugin, renderer: Renderer) -> Iterator[Finding]:
     yield from _well_formed(first, frames[0])
     if first.broken or not first.found.any():
         return
-    yield _judged(
-        first.launched == 0, "nothing is evaluated inside shade", f"shade launches {first.launched} kernels", "warn"
-    )
+    yield _judged(first.launched == 0, "nothing is evaluated inside shade", f"shade launches {first.launched} kernels", "warn")
     again = _Answer(cls(), scene, frames[0])
     yield _judged(first.same(again), "the same frame gives the same answer, bit for bit", "two runs of a frame differ")
     moved = _Answer(cls(), scene, frames[1])
@@ -188,8 +186,7 @@ class _Answer:
             return False
         both = self.active & other.active
         return all(
-            getattr(self, name)[both].tobytes() == getattr(other, name)[both].tobytes()
-            for name in ("L", "distance", "found")
+            getattr(self, name)[both].tobytes() == getattr(other, name)[both].tobytes() for name in ("L", "distance", "found")
         )
 
     def mean(self) -> np.ndarray:

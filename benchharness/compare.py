@@ -76,6 +76,7 @@ SIGNIFICANCE = 0.01
 FACTOR = 1.25
 """Ratio of times, each relative to its run's calibration kernel, from which on a difference is worth saying."""
 
+
 def compare(base: Path, new: Path, *, fail_on_time: bool = False, factor: float = FACTOR) -> Verdict:
     """Judges `new` against `base`, each a run folder or its CSV file.
 

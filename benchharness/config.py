@@ -23,7 +23,7 @@ from pydantic import Field
 from benchharness import identity, params, platform, plugins, tablescene
 from benchharness.api import Method
 from benchharness.inside import check_cameras
-from benchharness.scene import Scene
+from benchharness.scene import Scene, refined
 
 if TYPE_CHECKING:
     from benchharness.reference import ReferenceOptions
@@ -89,9 +89,7 @@ class Entry:
         """The method. Raises ValueError where its own `__post_init__` refuses the parameters."""
         cls = self.cls()
         declared = params.of_method(cls)
-        return cls(
-            **{name: declared[name].value(given, f"{self.method}.{name}") for name, given in self.params.items()}
-        )
+        return cls(**{name: declared[name].value(given, f"{self.method}.{name}") for name, given in self.params.items()})
 
 
 @dataclass(frozen=True)
@@ -320,11 +318,12 @@ def _job(spec: SceneSpec, run: Run, entries: list[Entry], path: Path) -> Job:
         if frame not in frames:
             raise ValueError(f"{path}: [run].images asks for frame {frame}; accepted: of {frames}")
     check_cameras(scene, frames, spec.where)
+    drawn = refined(scene)
     facts = {
         "scene": spec.label,
         "detail": scene.detail,
-        "vertices": scene.vertices,
-        "triangles": scene.triangles,
+        "vertices": drawn.vertices,
+        "triangles": drawn.triangles,
         "reflectors": len(scene.reflectors),
         "ppd": scene.ppd,
         "scene_hash": identity.of_scene(scene),

@@ -105,9 +105,7 @@ def _kernel() -> float:
 
     goal = dr.arange(mi.Float, 8)
     start = dr.clip(dr.maximum(-goal, -1.0), 0.0, 1.0)
-    count, _ = dr.while_loop(
-        (start, goal), lambda i, goal: i < goal, lambda i, goal: (i + 1.0, goal), label="doctor's loop"
-    )
+    count, _ = dr.while_loop((start, goal), lambda i, goal: i < goal, lambda i, goal: (i + 1.0, goal), label="doctor's loop")
     return float(dr.sum(count)[0])
 
 

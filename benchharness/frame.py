@@ -6,8 +6,6 @@ in as opaque arrays, so that no frame compiles a kernel.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -64,9 +62,7 @@ class FrameRenderer:
             + [(r.mesh.vertices, r.mesh.normals, r.mesh.faces) for r in scene.reflectors]
         )
         self.surfaces = [surface_of(r.mesh) for r in scene.reflectors]
-        self.proxies = [
-            self.surfaces[i] if r.closed is None else surface_of(r.closed) for i, r in enumerate(scene.reflectors)
-        ]
+        self.proxies = [self.surfaces[i] if r.closed is None else surface_of(r.closed) for i, r in enumerate(scene.reflectors)]
         self.background = opaque(mi.Color3f, scene.background)
         metals = [(r.eta, r.k) for r in scene.reflectors]
         self.eta = [None if eta is None else opaque(mi.Color3f, eta) for eta, _ in metals]
@@ -136,8 +132,6 @@ def _first_hits(points, attributes, faces, background, view: View, face_count: i
     n = dr.select(mirror, dr.select(dr.dot(n, view.eye - p) < 0, -n, n), 0)
     seen = dr.select(hit, mi.Color3f(value.x, value.y, value.z), background)
     return reflector, dr.select(mirror, p, 0), mi.Normal3f(n), dr.select(mirror, 0, seen)
-
-
 
 
 @dr.freeze

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import drjit as dr
 import numpy as np
 
 from benchharness import metrics, reference, results, timing, truth
@@ -67,9 +66,7 @@ class Bench:
         """Records and samples of one frame; see `benchharness.worker.Bench`."""
         chain = run_up(index, self.scene.frames)
         frames = [self.renderer.render(i) for i in chain]
-        references = [
-            reference.render(self.scene, self.scene.time(i), self.size, self.options, self.seed) for i in chain[-2:]
-        ]
+        references = [reference.render(self.scene, self.scene.time(i), self.size, self.options, self.seed) for i in chain[-2:]]
         entries = {name: self.entries.setdefault(name, _Entry(method)) for name, method in methods.items()}
         for name, entry in entries.items():
             with self._guarded(name, entry, watch):
@@ -247,7 +244,9 @@ class Bench:
         usable = np.array(reflection.vertices.converged)[lanes]
         points, valid = truth.reflection_points(mesh.vertices, mesh.normals, mesh.faces, camera.eye, V, R)
         true = truth.nearest(points, valid & usable[:, None], R)
-        seen = [truth.on_screen(p, camera, *self.size) for p in (R, true, virtual, truth.image_of(V, true, np.asarray(camera.eye)))]
+        seen = [
+            truth.on_screen(p, camera, *self.size) for p in (R, true, virtual, truth.image_of(V, true, np.asarray(camera.eye)))
+        ]
         return np.linalg.norm(seen[0] - seen[1], axis=1), seen[2] - seen[3]
 
     def _keep_pictures(self, index: int, entries: dict[str, _Entry], methods: Mapping[str, Method], truth_: Any) -> None:
@@ -259,7 +258,7 @@ class Bench:
         metrics.save_png(self.out / results.image_name(*names, "reference"), metrics.tonemap(truth_.image, exposure))
         for name, entry in entries.items():
             if entry.broken is None:
-                method, _, params = name.partition("(")
+                method, _, params = name.partition(" ")
                 image = entry.shown[-1][0]
                 error = metrics.flip_map(image, truth_.image, truth_.mask, ppd=scene.ppd, exposure=exposure)
                 for kind, pixels in (("image", metrics.tonemap(image, exposure)), ("error", metrics.error_picture(error))):

@@ -41,9 +41,7 @@ class Parameter:
         try:
             return TypeAdapter(self.annotation).validate_json(_json(given, where), strict=True)
         except ValidationError as error:
-            raise ValueError(
-                f"{where} is {_shown(given)}; accepted: {self.accepted()} ({error.errors()[0]['msg']})"
-            ) from None
+            raise ValueError(f"{where} is {_shown(given)}; accepted: {self.accepted()} ({error.errors()[0]['msg']})") from None
 
     def choices(self, given: Any, where: str) -> list[Any]:
         """The values that a table's entry sweeps over, in the order given, each once."""
@@ -146,9 +144,7 @@ def _limit(constraint: Any) -> str:
     """An annotated-types constraint in words; empty for what says nothing about the value."""
     words = {"ge": "at least", "gt": "more than", "le": "at most", "lt": "less than", "multiple_of": "a multiple of"}
     return " and ".join(
-        f"{word} {getattr(constraint, key)}"
-        for key, word in words.items()
-        if getattr(constraint, key, None) is not None
+        f"{word} {getattr(constraint, key)}" for key, word in words.items() if getattr(constraint, key, None) is not None
     )
 
 

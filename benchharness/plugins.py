@@ -138,9 +138,7 @@ def _in_package(kind: str) -> Iterator[Plugin]:
     except ModuleNotFoundError:  # the harness alone, without the methods and scenes that come with it
         return
     for module in sorted(m.name for m in pkgutil.iter_modules(home.__path__)):
-        plugin = _loaded(
-            kind, module, f"package {package}", lambda m=module: importlib.import_module(f"{package}.{m}"), None
-        )
+        plugin = _loaded(kind, module, f"package {package}", lambda m=module: importlib.import_module(f"{package}.{m}"), None)
         if plugin is not None:
             yield plugin
 
@@ -148,9 +146,7 @@ def _in_package(kind: str) -> Iterator[Plugin]:
 def _entry_points(kind: str) -> Iterator[Plugin]:
     for entry in sorted(entry_points(group=f"benchharness.{kind}s"), key=lambda e: (e.name, e.value)):
         origin = f"entry point {entry.value}"
-        plugin = _loaded(
-            kind, entry.name, origin, lambda e=entry: importlib.import_module(e.module), entry.attr or None
-        )
+        plugin = _loaded(kind, entry.name, origin, lambda e=entry: importlib.import_module(e.module), entry.attr or None)
         yield plugin or Plugin(entry.name, kind, origin, error=f"module {entry.module} has no builder {entry.name!r}")
 
 
@@ -177,9 +173,7 @@ def _class_of(module: ModuleType, name: str, attribute: str | None) -> type[Meth
     wanted = attribute or (next(iter(concrete)) if len(concrete) == 1 else camel_case(name))
     if wanted not in concrete:
         names = ", ".join(concrete) or "none"
-        raise ValueError(
-            f"there is no method class {wanted!r}; concrete subclasses of benchharness.api.Method in it: {names}"
-        )
+        raise ValueError(f"there is no method class {wanted!r}; concrete subclasses of benchharness.api.Method in it: {names}")
     found = concrete[wanted]
     parameters = vars(found).get("__dataclass_params__")
     if parameters is None or not parameters.frozen:

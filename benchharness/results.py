@@ -115,9 +115,7 @@ def _literal(text: str) -> int | float | bool | str | None:
 # Names
 
 
-def image_name(
-    scene: str, detail: str, frame: int, kind: str, method: str | None = None, params: str | None = None
-) -> str:
+def image_name(scene: str, detail: str, frame: int, kind: str, method: str | None = None, params: str | None = None) -> str:
     """File name of a picture in `images/`.
 
     kind   "reference", "image" (a method's picture) or "error" (its FLIP map); PNG, the sRGB picture as it is looked

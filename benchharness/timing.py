@@ -45,10 +45,7 @@ def kernel_ms(history: Sequence[dict]) -> float:
 
 def warm_up(work: Callable[[], Any]) -> bool:
     """Calls `work` until all its kernels come out of the cache. False if they still did not after WARM_UP_CALLS."""
-    for _ in range(WARM_UP_CALLS):
-        if all(k["cache_hit"] for k in kernels_of(work) if k["type"] == dr.KernelType.JIT):
-            return True
-    return False
+    return any(all(k["cache_hit"] for k in kernels_of(work) if k["type"] == dr.KernelType.JIT) for _ in range(WARM_UP_CALLS))
 
 
 def median_interval(samples: Sequence[float]) -> tuple[float, float, float]:

@@ -19,7 +19,9 @@ def _unit(v: np.ndarray) -> np.ndarray:
     return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-300)
 
 
-def _mismatch(b: np.ndarray, p: np.ndarray, n: np.ndarray, eye: np.ndarray, V: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _mismatch(
+    b: np.ndarray, p: np.ndarray, n: np.ndarray, eye: np.ndarray, V: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Half vector minus normal, seen along two tangents [..., 2], with point and normal; b [..., 2], p and n [..., 3, 3]."""
     weights = np.concatenate([1 - b.sum(axis=-1, keepdims=True), b], axis=-1)[..., None]
     P, N = (weights * p).sum(axis=-2), _unit((weights * n).sum(axis=-2))
@@ -31,7 +33,13 @@ def _mismatch(b: np.ndarray, p: np.ndarray, n: np.ndarray, eye: np.ndarray, V: n
 
 
 def reflection_points(
-    vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, eye: np.ndarray, V: np.ndarray, near: np.ndarray, candidates: int = 24
+    vertices: np.ndarray,
+    normals: np.ndarray,
+    faces: np.ndarray,
+    eye: np.ndarray,
+    V: np.ndarray,
+    near: np.ndarray,
+    candidates: int = 24,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Reflection points of V [N, 3], on the triangles around each `near` [N, 3] and around the best mesh vertex.
 
@@ -58,7 +66,9 @@ def reflection_points(
         J = np.stack([(_mismatch(b + h * np.eye(2)[k], p, n, eye, V_)[0] - f) / h for k in (0, 1)], axis=-1)
         det = J[..., 0, 0] * J[..., 1, 1] - J[..., 0, 1] * J[..., 1, 0]
         det = np.where(np.abs(det) < 1e-12, np.inf, det)
-        step = np.stack([J[..., 1, 1] * f[..., 0] - J[..., 0, 1] * f[..., 1], J[..., 0, 0] * f[..., 1] - J[..., 1, 0] * f[..., 0]], axis=-1)
+        step = np.stack(
+            [J[..., 1, 1] * f[..., 0] - J[..., 0, 1] * f[..., 1], J[..., 0, 0] * f[..., 1] - J[..., 1, 0] * f[..., 0]], axis=-1
+        )
         b = np.clip(b - np.clip(step / det[..., None], -2, 2), -4, 4)
     f, P, N = _mismatch(b, p, n, eye, V_)
     inside = (b >= -INSIDE).all(axis=-1) & (b.sum(axis=-1) <= 1 + INSIDE)

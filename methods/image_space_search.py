@@ -174,7 +174,9 @@ def _search(points, proxy: Surface, poses, part, view: View, last_view: View, la
     if options.hidden in ("lookup", "full"):
         c, r, seen = search.texel_of(camera, V)
         if options.hidden == "full":
-            c, r, *_ = search.climb("inverse", options.neighbourhood, texels, camera, V, c, r, mi.Int32(1), hidden & seen, max_iter)
+            c, r, *_ = search.climb(
+                "inverse", options.neighbourhood, texels, camera, V, c, r, mi.Int32(1), hidden & seen, max_iter
+            )
         seen, P, N = search.fetch(texels, camera, c, r, hidden & seen)
         plane_R, plane_n = dr.select(seen, P, R), dr.select(seen, N, n)
     image = dr.select(hidden, optics.mirrored(V, plane_R, plane_n), image)
@@ -200,5 +202,7 @@ def _cut(view: View, last: View) -> mi.Bool:
 
 
 @dr.freeze
-def _draw(images: virtual.Images, points, triangles: geometry.Geometry, part, view: View, p, reflector, layer, mirror, cut: bool):
+def _draw(
+    images: virtual.Images, points, triangles: geometry.Geometry, part, view: View, p, reflector, layer, mirror, cut: bool
+):
     return virtual.draw(images, points, triangles, part, view, p, reflector == layer, mirror, cut)

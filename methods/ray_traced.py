@@ -89,4 +89,6 @@ def _spread(L: mi.Color3f, distance: mi.Float, lane: mi.UInt32, frame: Frame) ->
     full = [dr.zeros(mi.Float, count) for _ in range(4)]
     for target, value in zip(full, (L.x, L.y, L.z, distance), strict=True):
         dr.scatter(target, value, lane)
-    return Reflection(mi.Color3f(*full[:3]), full[3], mi.Bool(frame.active), counters={"rays": dr.full(mi.UInt32, 1, dr.width(lane))})
+    return Reflection(
+        mi.Color3f(*full[:3]), full[3], mi.Bool(frame.active), counters={"rays": dr.full(mi.UInt32, 1, dr.width(lane))}
+    )

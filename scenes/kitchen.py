@@ -151,9 +151,7 @@ class Roll:
         way = np.subtract(self.end, self.start) * np.clip(time / self.duration, 0.0, 1.0)
         length = float(np.linalg.norm(way))
         heading = np.degrees(np.arctan2(self.end[1] - self.start[1], self.end[0] - self.start[0]))
-        turn = (
-            pose(turn_deg=heading + 90) @ pose(tilt_deg=np.degrees(length / self.radius)) @ pose(turn_deg=-heading - 90)
-        )
+        turn = pose(turn_deg=heading + 90) @ pose(tilt_deg=np.degrees(length / self.radius)) @ pose(turn_deg=-heading - 90)
         return pose((self.start[0] + way[0], self.start[1] + way[1], HEIGHT + self.radius)) @ turn
 
 
@@ -215,9 +213,7 @@ def _table(d: Detail, feet: list[tuple[float, float, float]]) -> list[Object]:
             for x in (x0 + 0.08, x1 - 0.08) for y in (y0 + 0.08, y1 - 0.08)]  # fmt: skip
     check = np.add.outer(np.arange(4), np.arange(6)) % 2
     cloth = np.where(check[..., None], (0.62, 0.10, 0.09), (0.80, 0.76, 0.68))
-    seats = [
-        placed(kitchen_room.chair(wood), at, turn) for at, turn in (((1.08, 0.15, 0), 90), ((-0.95, 0.95, 0), -150))
-    ]
+    seats = [placed(kitchen_room.chair(wood), at, turn) for at, turn in (((1.08, 0.15, 0), 90), ((-0.95, 0.95, 0), -150))]
     return [
         Object("table-top", top, "contact shadows around all that stands on it, the bowl's nearest surroundings"),
         Object("table-frame", merged(sides, *legs), "the table's edges and legs against the floor"),
@@ -231,9 +227,7 @@ def _on_the_table(d: Detail, moving: bool) -> tuple[list[Object], list[tuple[flo
     """What stands on the table, and where: x, y and radius of the contact."""
     n, objects, feet = d.near, [], []
 
-    def put(
-        name: str, mesh: Mesh, x: float, y: float, foot: float, shows: str, turn_deg: float = 0.0, z: float = 0.0
-    ) -> None:
+    def put(name: str, mesh: Mesh, x: float, y: float, foot: float, shows: str, turn_deg: float = 0.0, z: float = 0.0) -> None:
         objects.append(Object(name, placed(mesh, (x, y, HEIGHT + z), turn_deg), shows))
         if z == 0.0:
             feet.append((x, y, foot))

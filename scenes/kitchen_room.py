@@ -124,9 +124,7 @@ def _units(x0: float, widths: list[float], kinds: str, colour: Colour, spacing: 
         if kind == "d":
             parts.append(_front(x, x1, 0.12, COUNTER - TOP, colour, spacing))
         elif kind == "D":
-            parts += [
-                _front(x, x1, a, b, colour, spacing) for a, b in ((0.12, 0.40), (0.40, 0.66), (0.66, COUNTER - TOP))
-            ]
+            parts += [_front(x, x1, a, b, colour, spacing) for a, b in ((0.12, 0.40), (0.40, 0.66), (0.66, COUNTER - TOP))]
         else:
             parts.append(_front(x, x1, 0.12, 0.70, BLACK, spacing))
             panel = box((x + 0.004, -0.02, 0.704), (x1 - 0.004, 0, COUNTER - TOP - 0.004), STEEL, "+y", spacing, 0.004)
@@ -137,9 +135,7 @@ def _units(x0: float, widths: list[float], kinds: str, colour: Colour, spacing: 
         x = x1
     # What shows through the gaps, and the recess at the floor.
     parts.append(sheet((0, 0, 0), (1, 0, 0), (0, 0, 1), [x0, x], [0.10, COUNTER - TOP], BLACK))
-    parts.append(
-        sheet((0, 0.06, 0), (1, 0, 0), (0, 0, 1), with_breaks(x0, x, spacing, ()), [0, 0.10], (0.10, 0.08, 0.06))
-    )
+    parts.append(sheet((0, 0.06, 0), (1, 0, 0), (0, 0, 1), with_breaks(x0, x, spacing, ()), [0, 0.10], (0.10, 0.08, 0.06)))
     return merged(*parts)
 
 
@@ -180,9 +176,7 @@ def counters(spacing: float, top_m: float) -> list[Object]:
     )
     hob = bar((0.30, back_y + 0.06, COUNTER), (0.90, Y - 0.08, COUNTER + 0.008), BLACK)
     ring = lathe([(0.085, 0.001), (0, 0.001)], 12, (0.16, 0.15, 0.15))
-    rings = [
-        placed(ring, (0.45 + 0.3 * i, back_y + 0.19 + 0.25 * j, COUNTER + 0.008)) for i in range(2) for j in range(2)
-    ]
+    rings = [placed(ring, (0.45 + 0.3 * i, back_y + 0.19 + 0.25 * j, COUNTER + 0.008)) for i in range(2) for j in range(2)]
     return [
         Object("cupboards-back", back, "doors, drawers and oven: a row of equal upright edges behind the bowl"),
         Object(
@@ -253,14 +247,8 @@ def furniture(spacing: float) -> list[Object]:
         base,
         box((x0, -Y, 0), (x1, front - 0.02, COUNTER - TOP), (0.16, 0.28, 0.38), "-y +y -z +z", spacing),
         box((x0 - 0.02, -Y, COUNTER - TOP), (x1 + 0.02, front + 0.02, COUNTER), OAK, "-y", spacing),
-        *(
-            box((x, -Y, COUNTER), (x + 0.025, -Y + 0.24, 1.95), (0.16, 0.28, 0.38), "-y -z", 0.6)
-            for x in (x0, x1 - 0.025)
-        ),
-        *(
-            box((x0 + 0.025, -Y, z), (x1 - 0.025, -Y + 0.24, z + 0.025), OAK, "-y -x +x", spacing)
-            for z in (1.25, 1.925)
-        ),
+        *(box((x, -Y, COUNTER), (x + 0.025, -Y + 0.24, 1.95), (0.16, 0.28, 0.38), "-y -z", 0.6) for x in (x0, x1 - 0.025)),
+        *(box((x0 + 0.025, -Y, z), (x1 - 0.025, -Y + 0.24, z + 0.025), OAK, "-y -x +x", spacing) for z in (1.25, 1.925)),
     )
     pictures = []
     for y, z, w, h, colour in (

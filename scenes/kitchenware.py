@@ -41,9 +41,7 @@ def apple(n: int, ripe: Colour = (0.60, 0.06, 0.05), radius: float = 0.042) -> M
     body = lathe(np.stack([r, z], axis=1), n, ripe, sharp_deg=180)
     pale = np.clip(0.5 + 0.6 * body.vertices[:, :1] / radius + 0.4 * np.sin(40 * body.vertices[:, 2:]), 0, 1)
     body = replace(body, albedo=(1 - 0.7 * pale) * np.array(ripe) + 0.7 * pale * np.array([0.62, 0.50, 0.12]))
-    stalk = tube(
-        [(0, 0, z[-1] - 0.002), (0.001, 0, z[-1] + 0.01), (0.005, 0, z[-1] + 0.02)], 0.0018, 5, (0.16, 0.09, 0.04)
-    )
+    stalk = tube([(0, 0, z[-1] - 0.002), (0.001, 0, z[-1] + 0.01), (0.005, 0, z[-1] + 0.02)], 0.0018, 5, (0.16, 0.09, 0.04))
     return merged(body, stalk)
 
 
@@ -120,7 +118,5 @@ def pot(n: int, colour: Colour) -> Mesh:
     black = (0.05, 0.05, 0.05)
     profile = [(0.11, 0), (0.11, 0.12), (0.114, 0.127), (0.02, 0.145), (0.022, 0.165), (0, 0.17)]
     body = lathe(profile, n + n // 4, [colour, STEEL, colour, black, black])
-    ears = [
-        tube(arc((0, s * 0.108, 0.095), (0.035, 0, 0), (0, s * 0.035, 0), 0, 180, 5), 0.006, 4, black) for s in (-1, 1)
-    ]
+    ears = [tube(arc((0, s * 0.108, 0.095), (0.035, 0, 0), (0, s * 0.035, 0), 0, 180, 5), 0.006, 4, black) for s in (-1, 1)]
     return merged(body, *ears)

@@ -59,9 +59,7 @@ def test_a_study_becomes_one_job_per_scene_configuration_with_every_combination_
 
 
 def test_an_array_of_tables_is_several_sweeps_without_repetitions(write):
-    tables = (
-        '[[methods.actor]]\nsource = "actor.py"\nsize = [1, 2]\n[[methods.actor]]\nsource = "actor.py"\nsize = [2, 3]\n'
-    )
+    tables = '[[methods.actor]]\nsource = "actor.py"\nsize = [1, 2]\n[[methods.actor]]\nsource = "actor.py"\nsize = [2, 3]\n'
     loaded = config.load(write(GOOD[: GOOD.index("[methods")] + tables))
     assert [e.params["size"] for e in loaded.entries] == [1, 2, 3]
 

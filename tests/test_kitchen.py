@@ -222,9 +222,7 @@ def test_normals_interpolated_on_the_ellipsoid_are_good_to_three_hundredths_of_a
         n = (mesh.normals[mesh.faces] * np.array(weights)[:, None]).sum(axis=1)
         p = (mesh.vertices[mesh.faces] * np.array(weights)[:, None]).sum(axis=1) - BOWL
         gradient = p / axes**2
-        sine = (
-            np.linalg.norm(np.cross(n, gradient), axis=1) / np.linalg.norm(n, axis=1) / np.linalg.norm(gradient, axis=1)
-        )
+        sine = np.linalg.norm(np.cross(n, gradient), axis=1) / np.linalg.norm(n, axis=1) / np.linalg.norm(gradient, axis=1)
         assert np.degrees(sine.max()) < 0.03
 
 
@@ -304,9 +302,7 @@ def test_only_an_orange_and_a_mug_move_and_only_if_asked():
     scene = built(moving=True)
     assert {o.name for o in scene.objects if o.motion} == {"orange", "mug-white"}
     for still, moving in zip(built().objects, scene.objects, strict=True):
-        assert np.allclose(still.mesh.vertices, moving.mesh.transformed(moving.pose(0.0)).vertices, atol=1e-12), (
-            still.name
-        )
+        assert np.allclose(still.mesh.vertices, moving.mesh.transformed(moving.pose(0.0)).vertices, atol=1e-12), still.name
 
 
 def test_motions_are_rigid_and_the_orange_rolls_without_slipping():

@@ -25,9 +25,7 @@ def test_bundled_llvm_is_none_where_the_environment_has_none(tmp_path):
 
 
 def test_importing_platform_imports_neither_drjit_nor_mitsuba():
-    code = (
-        "import sys, benchharness.platform as p; p.use_llvm(); print('drjit' in sys.modules, 'mitsuba' in sys.modules)"
-    )
+    code = "import sys, benchharness.platform as p; p.use_llvm(); print('drjit' in sys.modules, 'mitsuba' in sys.modules)"
     seen = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert seen.stdout.split() == ["False", "False"]
 

@@ -142,10 +142,7 @@ def test_the_answer_within_a_budget_is_the_least_error_whose_interval_fits():
 
 
 def test_curves_run_along_the_numeric_parameter_of_most_values_one_per_rest():
-    rows = [
-        record("m", f"rule={rule}; steps={n}", time=4.0 + n)
-        for rule, n in itertools.product(["near", "far"], [16, 2, 8])
-    ]
+    rows = [record("m", f"rule={rule}; steps={n}", time=4.0 + n) for rule, n in itertools.product(["near", "far"], [16, 2, 8])]
     (view,) = views(rows)
     found = [[point.params for point in curve] for curve in curves(view.points)]
     assert found == [[f"rule={rule}; steps={n}" for n in (2, 8, 16)] for rule in ("near", "far")]

@@ -151,7 +151,7 @@ def test_wide_strides_find_the_same_texels_in_a_fraction_of_the_steps():
 
 
 def test_a_start_on_the_answer_takes_one_iteration():
-    V, R = reverse_constructed(SHAPES["sphere"], EYE, 6, 1, low_cos=0.5)
+    V, _R = reverse_constructed(SHAPES["sphere"], EYE, 6, 1, low_cos=0.5)
     first = find(SHAPES["sphere"], V, subtexel=False)
     again = find(SHAPES["sphere"], V, subtexel=False, stride=1, start=(int(first.column[0]), int(first.row[0])))
     assert int(again.iterations[0]) == 1

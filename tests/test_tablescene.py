@@ -55,9 +55,7 @@ def test_a_mesh_is_closed_if_every_edge_has_two_faces_wherever_its_vertices_are_
 def test_a_table_of_mesh_files_is_a_scene(tmp_path, suffix):
     scene = built(
         tmp_path,
-        reflectors=[
-            {"name": "ball", "mesh": f"ball.{suffix}", "closed": "ball.ply", "scale": 0.5, "translate": [1, 2, 3]}
-        ],
+        reflectors=[{"name": "ball", "mesh": f"ball.{suffix}", "closed": "ball.ply", "scale": 0.5, "translate": [1, 2, 3]}],
     )
     assert scene.objects[0].mesh.albedo[0] == pytest.approx([0.1, 0.2, 0.3])
     assert scene.objects[0].shows == "an edge"

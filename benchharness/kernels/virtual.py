@@ -74,7 +74,9 @@ def _assembled(images: Images, points, triangles: geometry.Geometry, part, view,
     if cut:
         # Turn the triangle so that its first vertex is reflected and its last is hidden.
         mixed = shown & ~whole
-        turn = dr.select((kinds[0] == REFLECTED) & (kinds[2] == HIDDEN), 0, dr.select((kinds[1] == REFLECTED) & (kinds[0] == HIDDEN), 1, 2))
+        turn = dr.select(
+            (kinds[0] == REFLECTED) & (kinds[2] == HIDDEN), 0, dr.select((kinds[1] == REFLECTED) & (kinds[0] == HIDDEN), 1, 2)
+        )
         i, k = _turned(face, turn), _turned(kinds, turn)
         pair = k[1] == REFLECTED
         one, two = vertex_count + 2 * f, vertex_count + 2 * f + 1
@@ -112,7 +114,9 @@ def _cut(packets, radiance, points, triangles, slot, inner, outer, mirror, activ
         x = dr.lerp(a, b, middle)
         column, row, seen = search.texel_of(view, mi.Point3f(x.x, x.y, x.z))
         covered, surface, _ = search.fetch(texels, view, column, row, seen)
-        behind = covered & (dr.dot(view.w, mi.Vector4f(x.x, x.y, x.z, 1)) > dr.dot(view.w, mi.Vector4f(surface.x, surface.y, surface.z, 1)))
+        behind = covered & (
+            dr.dot(view.w, mi.Vector4f(x.x, x.y, x.z, 1)) > dr.dot(view.w, mi.Vector4f(surface.x, surface.y, surface.z, 1))
+        )
         low, high = dr.select(behind, low, middle), dr.select(behind, middle, high)
         step += 1
     x = dr.lerp(a, b, high)

@@ -47,9 +47,7 @@ def frames(view: SceneView, folder: Path) -> list[FrameShots]:
         where = (view.scene, view.detail, record["frame"])
         reference = folder / results.image_name(*where, "reference")
         params = record["params"] or ""
-        image, error = (
-            folder / results.image_name(*where, kind, record["method"], params) for kind in ("image", "error")
-        )
+        image, error = (folder / results.image_name(*where, kind, record["method"], params) for kind in ("image", "error"))
         if not (reference.is_file() or image.is_file() or error.is_file()):
             continue
         if record["frame"] not in shots:

@@ -137,9 +137,7 @@ def path_figure(view: SceneView, looks: Mapping[str, Look]) -> go.Figure:
             legendgroup="parts", legendgrouptitle_text="part of a frame",
         )  # fmt: skip
     prepare = [p.row["prepare_ms"] for p in best]
-    figure.add_bar(
-        x=prepare, y=names, orientation="h", name="prepare", marker_color="#009E73", showlegend=False, row=1, col=2
-    )
+    figure.add_bar(x=prepare, y=names, orientation="h", name="prepare", marker_color="#009E73", showlegend=False, row=1, col=2)
     figure.update_yaxes(autorange="reversed", row=1)
     figure.update_yaxes(showticklabels=False, row=1, col=2)
     figure.update_xaxes(type="log", dtick=1, row=1, col=2)

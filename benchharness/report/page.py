@@ -25,8 +25,7 @@ TABLE = (
 """Columns of a scene's table, in this order; those that no method of the scene has are left out."""
 
 PROVENANCE = (
-    "run config variant reference_lighting reference_spp reference_noise ppd config_hash scene_hash environment "
-    "calibration_ms"
+    "run config variant reference_lighting reference_spp reference_noise ppd config_hash scene_hash environment calibration_ms"
 ).split()
 
 
