@@ -59,7 +59,7 @@ class FrameRenderer:
         self.scene, self.width, self.height = scene, width, height
         self.geometry = geometry.upload(
             [(o.mesh.vertices, o.mesh.radiance, o.mesh.faces) for o in scene.objects]
-            + [(r.mesh.vertices, r.mesh.normals, r.mesh.faces) for r in scene.reflectors]
+            + [(r.mesh.vertices, np.asarray(r.mesh.normals), r.mesh.faces) for r in scene.reflectors]
         )
         self.surfaces = [surface_of(r.mesh) for r in scene.reflectors]
         self.proxies = [self.surfaces[i] if r.closed is None else surface_of(r.closed) for i, r in enumerate(scene.reflectors)]
@@ -85,7 +85,7 @@ class FrameRenderer:
         )
         active = reflector >= 0
         dr.eval(active)
-        pixels = dr.compress(active)
+        pixels = mi.UInt32(dr.compress(active))
         v = dr.normalize(view.eye - p)
         time = self.scene.time(index)
         frame = Frame(index, time, view, poses, reflector, active, pixels, p, n, v, radiance, self.surfaces, self.proxies)
@@ -138,7 +138,7 @@ def _first_hits(points, attributes, faces, background, view: View, face_count: i
 def composed(radiance: mi.Color3f, L: mi.Color3f, n: mi.Normal3f, v: mi.Vector3f, reflector: mi.Int32, eta: list, k: list):
     """The picture: what is seen directly, and each reflector's reflectance times what it shows."""
     image = mi.Color3f(radiance)
-    cos_theta = dr.clip(dr.abs(dr.dot(n, v)), 0, 1)
+    cos_theta = dr.clip(dr.abs(dr.dot(mi.Vector3f(n), v)), 0, 1)
     for i in range(len(eta)):
         reflectance = optics.fresnel_conductor(cos_theta, eta[i], k[i]) if eta[i] is not None else mi.Color3f(1)
         image = dr.select(reflector == i, reflectance * L, image)

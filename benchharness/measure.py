@@ -242,7 +242,7 @@ class Bench:
         R = np.array(reflection.vertices.R, np.float64).T[lanes]
         virtual = np.array(reflection.vertices.virtual, np.float64).T[lanes]
         usable = np.array(reflection.vertices.converged)[lanes]
-        points, valid = truth.reflection_points(mesh.vertices, mesh.normals, mesh.faces, camera.eye, V, R)
+        points, valid = truth.reflection_points(mesh.vertices, mesh.normals, mesh.faces, np.asarray(camera.eye), V, R)
         true = truth.nearest(points, valid & usable[:, None], R)
         seen = [
             truth.on_screen(p, camera, *self.size) for p in (R, true, virtual, truth.image_of(V, true, np.asarray(camera.eye)))

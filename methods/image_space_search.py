@@ -37,7 +37,7 @@ from benchharness.scene import Scene
 
 COLD = 0xFFFF_FFFF
 PYRAMID_STRIDE = 32  # texels; first stride of a cold search
-CUT_TURN = 0.05  # a cut: the view turned by more than this (radians) or the eye moved by more than this share of its distance
+CUT_TURN = 0.05  # radians of turn from one frame to the next that make a cut
 
 UNKNOWN, REFLECTED, UNREFLECTED, HIDDEN = range(4)
 
@@ -195,7 +195,7 @@ def _search(points, proxy: Surface, poses, part, view: View, last_view: View, la
 
 
 def _cut(view: View, last: View) -> mi.Bool:
-    """Whether the camera jumped since the last frame: turned, or moved relative to the size of the step that warm starts bear."""
+    """Whether the camera turned too far since the last frame for its searches to be near, or its texels are others."""
     turned = dr.norm(dr.normalize(view.w.xyz) - dr.normalize(last.w.xyz)) > CUT_TURN
     zoomed = dr.abs(dr.norm(view.right) / dr.norm(last.right) - 1) > 1e-6
     return turned | zoomed | mi.Bool((view.width, view.height) != (last.width, last.height))

@@ -196,7 +196,7 @@ def _walk_tiles(points, faces, starts, face_count: int, view, box, buffer, limit
     total = dr.gather(mi.UInt32, starts, face_count)
     while dr.hint(item < total, label="tiles of large triangles"):
         # Whose tile: the last triangle whose tiles start at or before this one.
-        triangle = dr.binary_search(0, face_count - 1, lambda i: dr.gather(mi.UInt32, starts, i + 1) <= item)
+        triangle = dr.binary_search(0, face_count - 1, lambda i: dr.gather(mi.UInt32, starts, i + 1) <= item)  # noqa: B023 (called at once)
         tile = mi.Int32(item - dr.gather(mi.UInt32, starts, triangle))
         t = setup(points, faces, triangle, view, box, mi.Bool(True), cull)
         across = (t.columns + (TILE_PX - 1)) // TILE_PX
