@@ -156,7 +156,7 @@ def display(image: np.ndarray, exposure: float) -> np.ndarray:
 
 def tonemap(image: np.ndarray, exposure: float) -> np.ndarray:
     """Radiance [H, W, 3] -> sRGB, uint8 [H, W, 3]. NaN becomes magenta, so that it is seen."""
-    nan = np.isnan(image).any(axis=2)
+    nan = np.asarray(np.any(np.isnan(image), axis=2))
     pixels = np.round(display(np.where(nan[..., None], 0, image), exposure) * 255).astype(np.uint8)
     pixels[nan] = (255, 0, 255)
     return pixels
@@ -175,7 +175,7 @@ def error_picture(error: np.ndarray) -> np.ndarray:
     """Error map [H, W] in [0, 1] -> magma colours, uint8 [H, W, 3]; black is none, NaN is cyan (magma has none)."""
     from matplotlib import colormaps
 
-    nan = np.isnan(error)
+    nan = np.asarray(np.isnan(error))
     pixels = colormaps["magma"](np.where(nan, 0, np.clip(error, 0, 1)), bytes=True)[..., :3].copy()
     pixels[nan] = (0, 255, 255)
     return pixels
@@ -183,7 +183,7 @@ def error_picture(error: np.ndarray) -> np.ndarray:
 
 def _sound(image: np.ndarray) -> np.ndarray:
     """Pixels that are colours: finite and not negative, bool [H, W]."""
-    return (np.isfinite(image) & (image >= NEGATIVE)).all(axis=2)
+    return np.asarray(np.all(np.isfinite(image) & (image >= NEGATIVE), axis=2))
 
 
 def _checked(image: np.ndarray, reference: np.ndarray, mask: np.ndarray) -> np.ndarray:

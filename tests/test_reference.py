@@ -129,6 +129,21 @@ def test_an_ideal_plane_mirror_shows_the_mirrored_wall_exactly() -> None:
     np.testing.assert_allclose(result.distance, 2 * np.sqrt(1 + a**2 + c**2), rtol=1e-4)
 
 
+def test_image_and_distance_follow_the_vertex_normals() -> None:
+    # A flat mirror whose normals are turned by 10 degrees: the ray leaves along d - 2 (d.n) n and meets y = -1.
+    turned = np.array([np.sin(np.radians(10)), -np.cos(np.radians(10)), 0.0])
+    tilted = through_a_mirror(AHEAD)
+    mirror = replace(tilted.reflectors[0].mesh, normals=np.tile(turned, (4, 1)))
+    result = render(replace(tilted, reflectors=(replace(tilted.reflectors[0], mesh=mirror),)), 0.0, (8, 8))
+    x, z = (np.arange(8) + 0.5 - 4) / 4, -(np.arange(8)[:, None] + 0.5 - 4) / 4
+    p = np.stack(np.broadcast_arrays(x, 1.0, z), axis=-1)
+    d = p / np.linalg.norm(p, axis=-1, keepdims=True)
+    r = d - 2 * (d @ turned)[..., None] * turned
+    length = -2 / r[..., 1]
+    np.testing.assert_allclose(result.distance, length, rtol=2e-4)
+    np.testing.assert_allclose(result.image[..., 0], p[..., 0] + length * r[..., 0] + 20, atol=2e-3)
+
+
 def test_a_conductor_reflects_as_an_independent_fresnel_says() -> None:
     image = render(through_a_mirror(AHEAD, **IRON), 0.0, (16, 12)).image
     ideal = render(through_a_mirror(AHEAD), 0.0, (16, 12)).image
