@@ -80,17 +80,17 @@ class FrameRenderer:
     def draw(self, index: int, view: View) -> Frame:
         """Frame `index` as seen by `view`: the part of `render` that is timed as `gbuffer_ms`."""
         poses, points, normals = self._posed(self.scene.poses(self.scene.time(index)))
-        reflector, p, n, radiance = _first_hits(
-            points, normals, self.geometry.faces, self.background, view, self.geometry.face_count, len(self.scene.objects)
+        g = self.geometry
+        visibility = raster.rasterize(points, g.faces, g.face_count, view, cull=True)
+        reflector, active, p, n, radiance = _first_hits(
+            points, normals, g.faces, visibility, self.background, view, len(self.scene.objects)
         )
-        active = reflector >= 0
-        dr.eval(active)
         pixels = mi.UInt32(dr.compress(active))
         v = dr.normalize(view.eye - p)
         time = self.scene.time(index)
-        frame = Frame(index, time, view, poses, reflector, active, pixels, p, n, v, radiance, self.surfaces, self.proxies)
-        dr.eval(reflector, active, pixels, p, n, radiance)
-        return frame
+        return Frame(
+            index, time, view, poses, reflector, active, pixels, p, n, v, radiance, self.surfaces, self.proxies
+        )
 
     def compose(self, frame: Frame, L: mi.Color3f) -> mi.Color3f:
         """The whole picture from what a method answered: mirrors show `L` times their reflectance."""
@@ -119,9 +119,8 @@ def _turned_mirrors(g: geometry.Geometry, poses: mi.Float, objects: int) -> mi.F
 
 
 @dr.freeze
-def _first_hits(points, attributes, faces, background, view: View, face_count: int, objects: int):
+def _first_hits(points, attributes, faces, visibility, background, view: View, objects: int):
     """Reflector number, point, normal and radiance at every pixel centre."""
-    visibility = raster.rasterize(points, faces, face_count, view, cull=True)
     lane = dr.arange(mi.UInt32, view.width * view.height)
     hit, face, weights, p = raster.seen(points, faces, visibility, view, lane)
     value = raster.interpolate(attributes, face, weights, hit)
@@ -131,7 +130,7 @@ def _first_hits(points, attributes, faces, background, view: View, face_count: i
     n = dr.normalize(mi.Vector3f(value.x, value.y, value.z))
     n = dr.select(mirror, dr.select(dr.dot(n, view.eye - p) < 0, -n, n), 0)
     seen = dr.select(hit, mi.Color3f(value.x, value.y, value.z), background)
-    return reflector, dr.select(mirror, p, 0), mi.Normal3f(n), dr.select(mirror, 0, seen)
+    return reflector, mirror, dr.select(mirror, p, 0), mi.Normal3f(n), dr.select(mirror, 0, seen)
 
 
 @dr.freeze

@@ -119,21 +119,23 @@ class ImageSpaceSearch(Method):
             self.score, self.neighbourhood, self.placement, self.subtexel, self.widening, self.hidden, self.start == "pyramid"
         )
         warm = self.warm and state.view is not None
-        L, distance, found, texels, reports = mi.Color3f(0), mi.Float(0), mi.Bool(False), [], []
+        L, distance, found, ends, reports = mi.Color3f(0), mi.Float(0), mi.Bool(False), [], []
         for i, proxy in enumerate(frame.proxies):
             part = dr.opaque(mi.UInt32, state.objects + i)
             last = state.texels[i] if warm else dr.full(mi.UInt32, COLD, state.triangles.vertex_count)
-            images, mirror, ended, report = _search(
-                state.points, proxy, frame.poses, part, frame.view, state.view if warm else frame.view, last,
-                state.triangles.vertex_count, dr.opaque(mi.UInt32, self.max_iter), options,
-            )  # fmt: skip
-            own, length, covered = _draw(
-                images, state.points, state.triangles, part, frame.view, frame.p, frame.reflector, dr.opaque(mi.Int32, i),
-                mirror, self.hidden == "cut",
-            )  # fmt: skip
             mine = frame.reflector == i
+            camera = search.widened(frame.view, self.widening)
+            texels = search.render(proxy, frame.poses, part, camera)
+            images, ended, report = _search(
+                state.points, texels, camera, proxy, frame.poses, part, frame.view, state.view if warm else frame.view,
+                last, state.triangles.vertex_count, dr.opaque(mi.UInt32, self.max_iter), options,
+            )  # fmt: skip
+            own, length, covered = virtual.draw(
+                images, state.points, state.triangles, part, frame.view, frame.p, mine, (texels, camera),
+                self.hidden == "cut",
+            )  # fmt: skip
             L, distance, found = dr.select(mine, own, L), dr.select(mine, length, distance), dr.select(mine, covered, found)
-            texels.append(ended)
+            ends.append(ended)
             reports.append(report)
         # What no triangle covers is the surroundings if the scene has any, else unanswered.
         open_sky = frame.active & ~found & state.shows
@@ -142,16 +144,16 @@ class ImageSpaceSearch(Method):
         vertices = Vertices(**{name: dr.concat([r[name] for r in reports]) for name in reports[0] if name != "reads"})
         counters = {"iterations": vertices.iterations, "texel_reads": dr.concat([r["reads"] for r in reports])}
         reflection = Reflection(L, distance, found | open_sky, vertices, counters)
-        return reflection, replace(state, texels=texels, view=frame.view)
+        return reflection, replace(state, texels=ends, view=frame.view)
 
 
 @dr.freeze
-def _search(points, proxy: Surface, poses, part, view: View, last_view: View, last, count: int, max_iter, options: Options):
-    """Virtual vertices, the texture and its camera, the texels where the searches ended, and what is reported."""
-    pose = [dr.gather(mi.Vector4f, poses, part * 3 + k) for k in range(3)]
-    camera = search.widened(view, options.widening)
-    texels = search.render(proxy, pose, camera)
-    cold_column, cold_row = search.middle(texels, proxy, pose, camera)
+def _search(
+    points, texels, camera: View, proxy: Surface, poses, part, view: View, last_view: View, last, count: int, max_iter,
+    options: Options,
+):  # fmt: skip
+    """Virtual vertices, the texels where the searches ended, and what is reported of each vertex."""
+    cold_column, cold_row = search.middle(texels, proxy, search.pose_of(poses, part), camera)
 
     # Start: where the last search ended, unless the view was cut or the reflector is not there any more.
     lane = dr.arange(mi.UInt32, count)
@@ -191,7 +193,7 @@ def _search(points, proxy: Surface, poses, part, view: View, last_view: View, la
         "iterations": found.iterations, "residual": found.residual, "border": found.border, "reads": found.reads,
     }  # fmt: skip
     ended = dr.select(reflected | hidden, mi.UInt32(found.row * camera.width + found.column), COLD)
-    return images, (texels, camera), ended, report
+    return images, ended, report
 
 
 def _cut(view: View, last: View) -> mi.Bool:
@@ -199,10 +201,3 @@ def _cut(view: View, last: View) -> mi.Bool:
     turned = dr.norm(dr.normalize(view.w.xyz) - dr.normalize(last.w.xyz)) > CUT_TURN
     zoomed = dr.abs(dr.norm(view.right) / dr.norm(last.right) - 1) > 1e-6
     return turned | zoomed | mi.Bool((view.width, view.height) != (last.width, last.height))
-
-
-@dr.freeze
-def _draw(
-    images: virtual.Images, points, triangles: geometry.Geometry, part, view: View, p, reflector, layer, mirror, cut: bool
-):
-    return virtual.draw(images, points, triangles, part, view, p, reflector == layer, mirror, cut)

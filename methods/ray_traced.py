@@ -63,7 +63,7 @@ class RayTraced(Method):
         p, n, v = (dr.gather(type(a), a, lane) for a in (frame.p, frame.n, frame.v))
         r = optics.reflect(v, n)
         start = p + mi.Vector3f(n) * (RAY_EPSILON * (1 + dr.max(dr.abs(p))))
-        hit = state.scene.ray_intersect_preliminary(mi.Ray3f(start, r))
+        hit = state.scene.ray_intersect_preliminary(mi.Ray3f(start, r), coherent=True)
         found = hit.is_valid()
         face = dr.gather(mi.Vector4u, state.geometry.faces, hit.prim_index, found)
         u, w = hit.prim_uv.x, hit.prim_uv.y

@@ -24,9 +24,14 @@ def packed(vertices, faces, tag=0):
 def drawn(vertices, faces, width, height, near=NEAR, tag=0, **options):
     """Triangle per pixel, -1 where none."""
     points, indices = packed(vertices, faces, tag)
-    visibility = raster.rasterize(points, indices, len(faces), view_of(CAMERA, width, height, near), **options)
-    triangle, covered = raster.triangle_of(visibility)
-    return np.where(np.array(covered), np.array(triangle, np.int64), -1).reshape(height, width)
+    view = view_of(CAMERA, width, height, near)
+    triangle = numbers(raster.rasterize(points, indices, len(faces), view, **options), view)
+    return np.where(triangle == raster.NONE, -1, triangle).reshape(height, width)
+
+
+def numbers(visibility, view):
+    lane = dr.arange(mi.UInt32, view.width * view.height)
+    return np.array(raster.winner_at(visibility, view, lane, mi.Bool(True)), np.int64)
 
 
 def rays(width, height):
@@ -122,19 +127,9 @@ def test_vertices_and_edges_on_pixel_centres_belong_to_exactly_one_triangle():
     hits = np.zeros((height, width), int)
     for t in range(len(faces)):
         one = raster.rasterize(points, indices, len(faces), view, drawn=dr.arange(mi.UInt32, len(faces)) == t)
-        hits += np.array(raster.triangle_of(one)[1]).reshape(height, width)
+        hits += (numbers(one, view) != raster.NONE).reshape(height, width)
     assert (hits[:60, :60] == 1).all()
     assert hits.max() == 1
-
-
-def test_small_and_large_triangles_take_two_ways_to_the_same_picture(monkeypatch):
-    vertices, faces = soup(5, 60, 0.7, 0.5)
-    pictures = []
-    for limit in (0, 64, 1 << 20):
-        monkeypatch.setattr(raster, "SMALL_BOX_PX", limit)
-        pictures.append(drawn(vertices, faces, 200, 130))
-    assert (pictures[0] == pictures[1]).all()
-    assert (pictures[0] == pictures[2]).all()
 
 
 def test_equal_depth_goes_to_the_lower_number():
@@ -156,14 +151,9 @@ def test_culling_keeps_what_runs_counter_clockwise_seen_from_the_eye():
     assert (drawn(vertices, back, 64, 48, cull=True) == 0).any()  # an open sheet has two sides
 
 
-def test_box_and_stencil_limit_what_is_drawn():
+def test_a_limit_is_a_stencil_and_a_surface_behind_which_everything_lies():
     vertices = np.array([[-9, 0, -9], [9, 0, -9], [0, 0, 18]], float)
     faces = np.array([[0, 1, 2]])
-    box = tuple(mi.Int32(v) for v in (10, 5, 30, 40))
-    picture = drawn(vertices, faces, 64, 48, box=box)
-    expected = np.full((48, 64), -1)
-    expected[5:40, 10:30] = 0
-    assert (picture == expected).all()
     rows = (np.arange(48 * 64) // 64 % 3).astype(np.float32)
     picture = drawn(vertices, faces, 64, 48, limit=mi.Float(rows))  # 1/w of the triangle is 1/3: shut, open, open
     assert (picture == np.where(rows.reshape(48, 64) >= 1, 0, -1)).all()

@@ -57,7 +57,8 @@ def part_of(face: mi.Vector4u) -> mi.UInt32:
 def closed_faces(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Per face whether it belongs to a closed, consistently wound piece, bool [F]: no back of such a face is ever seen.
 
-    Every directed edge of the piece is met once in each direction; vertices at the same place count as one.
+    Every edge of the piece is run through as often in one direction as in the other; vertices at the same place count as
+    one, so that boxes that touch are as closed as they were apart.
     """
     size = max(float(np.ptp(vertices, axis=0).max()), 1e-30)
     _, weld = np.unique(np.round(vertices / (1e-6 * size)).astype(np.int64), axis=0, return_inverse=True)
@@ -65,8 +66,9 @@ def closed_faces(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     count = int(f.max()) + 1
     edges = np.stack([f, np.roll(f, -1, axis=1)], axis=2).reshape(-1, 2).astype(np.int64)
     forward, backward = edges[:, 0] * count + edges[:, 1], edges[:, 1] * count + edges[:, 0]
-    _, inverse, uses = np.unique(forward, return_inverse=True, return_counts=True)
-    sound = (uses[inverse] == 1) & np.isin(backward, forward)
+    met, inverse, uses = np.unique(forward, return_inverse=True, return_counts=True)
+    place = np.minimum(np.searchsorted(met, backward), len(met) - 1)
+    sound = (met[place] == backward) & (uses[place] == uses[inverse])
     graph = coo_array((np.ones(len(edges)), edges.T), shape=(count, count))
     _, piece = connected_components(graph, directed=False)
     torn = np.zeros(piece.max() + 1, bool)

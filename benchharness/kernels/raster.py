@@ -1,17 +1,16 @@
-"""Rasterizer: triangles -> visibility buffer -> which triangle is nearest at each pixel centre, and where on it.
+"""Rasterizer: triangles -> which one is nearest at each pixel centre, and where on it.
 
-Visibility is decided in a buffer of one 64-bit number per pixel, (depth key << 32) | triangle, reduced by minimum: the
-nearest triangle wins and equal depths go to the lower number, so that the result does not depend on the order in which
-lanes run. The depth key is the bit pattern of 1/w, complemented: 1/w is linear on the screen and keeps its relative
-precision at all distances.
-
-Two levels. A triangle whose bounding box holds few pixels is walked by its own lane. A larger one is cut into tiles of
-16 x 16 pixels; a fixed number of lanes shares all tiles of all large triangles evenly (a prefix sum over the tile counts
-says whose tile is whose), so that a wall across the picture does not serialise on one lane.
+The picture is cut into tiles of 16 x 8 pixels. Every triangle is put on the list of each tile that its box reaches and its
+edges do not exclude; then 16 lanes walk a tile's list together, each with a column of 8 pixels whose nearest triangles so
+far stay in registers. No lane waits for another's large triangle, and no pixel is written twice: a buffer of 64-bit keys,
+reduced by atomic minima, spent most of its time on the atomics (of 16 ms, at three layers of overdraw).
 
 Fill rule. A pixel centre is inside where all three edge functions are positive, or zero on an edge that owns its points
 ("top-left"). An edge function is evaluated from its two end points in an order that does not depend on the triangle, so
-that the two triangles at an edge see the same number with opposite signs: no holes, no double hits.
+that the two triangles at an edge see the same number with opposite signs: no holes, no double hits. Equal depths go to the
+lower number: the result does not depend on the order in which lanes run.
+
+Depth is 1/w, which is linear on the screen and keeps its relative precision at all distances.
 
 Near plane. Nothing is cut: a triangle that crosses it keeps its edges in homogeneous form (Olano and Greer 1997, "Triangle
 scan conversion using 2D homogeneous coordinates"), its box is that of the part in front, and pixels in front of the plane
@@ -29,16 +28,16 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-SMALL_BOX_PX = 384  # largest bounding box that one lane walks
-TILE_PX = 16
-TILE_LANES = 1 << 13  # lanes that share the tiles of large triangles
+TILE_WIDTH, TILE_HEIGHT = 16, 8  # pixels: a vector of lanes across, what fits the registers down
 CLOSED = 0x8000_0000
-EMPTY = 0xFFFF_FFFF_FFFF_FFFF
+HEAD_SPACING = 16  # heads of lists lie a cache line apart: two cores that add to two lists do not share one
+NONE = 0xFFFF_FFFF  # no triangle; end of a list
+OPEN_END = 1.2e-38  # smallest normal float: what an edge that does not own its points asks of its function
 
 
 @dataclass
 class Edge:
-    """A (px - x) + B (py - y), times the triangle's orientation; `owns`: points with value 0 are inside."""
+    """A (px - x) + B (py - y), times the triangle's orientation: positive inside. `owns`: points with value 0 are inside."""
 
     x: mi.Float
     y: mi.Float
@@ -46,45 +45,30 @@ class Edge:
     B: mi.Float
     owns: mi.Bool
 
-    def inside(self, px: mi.Float, py: mi.Float) -> mi.Bool:
-        e = (py - self.y) * self.B + (px - self.x) * self.A
-        return (e > 0) | ((e == 0) & self.owns)
-
-    def reaches(self, left: mi.Float, top: mi.Float, size: float) -> mi.Bool:
-        """False only if the whole square of pixel centres is outside."""
-        far_x = dr.select(self.A > 0, left + size, left)
-        far_y = dr.select(self.B > 0, top + size, top)
+    def reaches(self, left: mi.Float, top: mi.Float) -> mi.Bool:
+        """False only if all pixel centres of the tile whose first one is (left, top) are outside."""
+        far_x = dr.select(self.A > 0, left + (TILE_WIDTH - 1), left)
+        far_y = dr.select(self.B > 0, top + (TILE_HEIGHT - 1), top)
         return (far_y - self.y) * self.B + (far_x - self.x) * self.A >= 0
 
 
 @dataclass
 class Setup:
-    """A triangle ready to be walked: edges, 1/w = g + gx px + gy py (relative to x0, y0), and its box of pixels."""
+    """A triangle ready to be walked: edges, 1/w = g + gx px + gy py, and its box of pixels."""
 
     edges: list[Edge]
-    x0: mi.Float
-    y0: mi.Float
     g: mi.Float
     gx: mi.Float
     gy: mi.Float
-    g_near: mi.Float
     left: mi.Int32
     top: mi.Int32
     columns: mi.Int32
     rows: mi.Int32
 
-    def covers(self, px: mi.Float, py: mi.Float) -> mi.Bool:
-        a, b, c = self.edges
-        return a.inside(px, py) & b.inside(px, py) & c.inside(px, py)
 
-    def depth(self, px: mi.Float, py: mi.Float) -> mi.Float:
-        return dr.fma(self.gx, px - self.x0, dr.fma(self.gy, py - self.y0, self.g))
+def setup(points: mi.Float, faces: mi.UInt32, triangle: mi.UInt32, view, active, cull: bool) -> Setup:
+    """Loads, projects and prepares triangles; no columns or rows where nothing is to be drawn.
 
-
-def setup(points: mi.Float, faces: mi.UInt32, triangle: mi.UInt32, view, box, active: mi.Bool, cull: bool = False) -> Setup:
-    """Loads, projects and prepares triangles.
-
-    box     (left, top, right, bottom) in pixels, half open, Int32: nothing is drawn outside
     cull    drop triangles marked CLOSED that turn their clockwise side to the eye
     """
     face = dr.gather(mi.Vector4u, faces, triangle, active)
@@ -97,38 +81,31 @@ def setup(points: mi.Float, faces: mi.UInt32, triangle: mi.UInt32, view, box, ac
     d1x, d1y, d2x, d2y = s[1][0] - s[0][0], s[1][1] - s[0][1], s[2][0] - s[0][0], s[2][1] - s[0][1]
     area = d1x * d2y - d1y * d2x
     lines = [dr.cross(h[k], h[(k + 1) % 3]) for k in range(3)]
-    volume = dr.dot(h[2], lines[0])
-    size = dr.select(whole, area, volume)
+    size = dr.select(whole, area, dr.dot(h[2], lines[0]))
     per_size = dr.rcp(size)
     line = (lines[0] + lines[1] + lines[2]) * per_size
     g1, g2 = s[1][2] - s[0][2], s[2][2] - s[0][2]
     gx = dr.select(whole, (g1 * d2y - g2 * d1y) * per_size, line.x)
     gy = dr.select(whole, (g2 * d1x - g1 * d2x) * per_size, line.y)
-    g = dr.select(whole, s[0][2], line.z)
-    x0, y0 = dr.select(whole, s[0][0], 0), dr.select(whole, s[0][1], 0)
+    g = dr.select(whole, s[0][2] - gx * s[0][0] - gy * s[0][1], line.z)
 
     # Box of the part in front of the near plane.
-    inf = dr.inf
-    low_x, low_y, high_x, high_y = mi.Float(inf), mi.Float(inf), mi.Float(-inf), mi.Float(-inf)
+    low_x, low_y, high_x, high_y = mi.Float(dr.inf), mi.Float(dr.inf), mi.Float(-dr.inf), mi.Float(-dr.inf)
     for k in range(3):
         a, b = h[k], h[(k + 1) % 3]
+        cut = dr.lerp(a, b, (view.near - a.z) / (b.z - a.z)) / view.near
         crosses = front[k] ^ front[(k + 1) % 3]
-        t = (view.near - a.z) / (b.z - a.z)
-        cut = dr.lerp(a, b, t) / view.near
         for x, y, counts in ((s[k][0], s[k][1], front[k]), (cut.x, cut.y, crosses)):
-            low_x, high_x = dr.select(counts, dr.minimum(low_x, x), low_x), dr.select(counts, dr.maximum(high_x, x), high_x)
-            low_y, high_y = dr.select(counts, dr.minimum(low_y, y), low_y), dr.select(counts, dr.maximum(high_y, y), high_y)
-    left, columns = _pixels(low_x, high_x, box[0], box[2])
-    top, rows = _pixels(low_y, high_y, box[1], box[3])
-    drawn = active & dr.isfinite(per_size) & (size != 0) & (front[0] | front[1] | front[2])
+            low_x, low_y = dr.select(counts & (x < low_x), x, low_x), dr.select(counts & (y < low_y), y, low_y)
+            high_x, high_y = dr.select(counts & (x > high_x), x, high_x), dr.select(counts & (y > high_y), y, high_y)
+    left, columns = _pixels(low_x, high_x, view.width)
+    top, rows = _pixels(low_y, high_y, view.height)
+    drawn = active & dr.isfinite(per_size) & (size != 0) & (front[0] | front[1] | front[2]) & (columns > 0) & (rows > 0)
     if cull:
         # y points down: counter-clockwise in space is negative on the screen.
         drawn &= (size < 0) | ((face.w & CLOSED) == 0)
     edges = [_edge(h[k], h[(k + 1) % 3], s[k], s[(k + 1) % 3], front[k], front[(k + 1) % 3], size > 0) for k in range(3)]
-    return Setup(
-        edges, x0, y0, g, gx, gy, dr.rcp(view.near), left, top,
-        dr.select(drawn, dr.maximum(columns, 0), 0), dr.select(drawn, dr.maximum(rows, 0), 0),
-    )  # fmt: skip
+    return Setup(edges, g, gx, gy, left, top, dr.select(drawn, columns, 0), dr.select(drawn, rows, 0))
 
 
 def _homogeneous(p: mi.Vector4f, view) -> mi.Vector3f:
@@ -136,12 +113,11 @@ def _homogeneous(p: mi.Vector4f, view) -> mi.Vector3f:
     return mi.Vector3f(dr.dot(view.x, p), dr.dot(view.y, p), dr.dot(view.w, p))
 
 
-def _pixels(low: mi.Float, high: mi.Float, first: mi.Int32, last: mi.Int32) -> tuple[mi.Int32, mi.Int32]:
-    """First pixel whose centre is at or after `low`, and how many up to `high`, within [first, last)."""
-    start = mi.Int32(dr.ceil(dr.clip(low, mi.Float(first), mi.Float(last)) - 0.5))
-    stop = mi.Int32(dr.floor(dr.clip(high, mi.Float(first), mi.Float(last)) - 0.5))
-    start = dr.maximum(start, first)
-    return start, dr.minimum(stop, last - 1) - start + 1
+def _pixels(low: mi.Float, high: mi.Float, count: int) -> tuple[mi.Int32, mi.Int32]:
+    """First pixel whose centre is at or after `low`, and how many from there up to `high`, within [0, count)."""
+    start = mi.Int32(dr.ceil(dr.clip(low, 0.5, count + 0.5) - 0.5))
+    stop = mi.Int32(dr.floor(dr.clip(high, -0.5, count - 0.5) - 0.5))
+    return start, stop - start + 1
 
 
 def _edge(ha, hb, sa, sb, front_a: mi.Bool, front_b: mi.Bool, positive: mi.Bool) -> Edge:
@@ -167,92 +143,146 @@ def _before(a: mi.Vector3f, b: mi.Vector3f) -> mi.Bool:
     return (a.x < b.x) | ((a.x == b.x) & ((a.y < b.y) | ((a.y == b.y) & (a.z < b.z))))
 
 
-@dr.syntax
-def _walk(t: Setup, triangle: mi.UInt32, left, top, columns, rows, buffer, width: int, limit) -> None:
-    """Every lane walks its own box row by row and offers its triangle to the pixels that it covers."""
-    column = mi.Int32(0)
-    row = mi.Int32(0)
-    while dr.hint((row < rows) & (columns > 0), label="walk a box of pixels"):
-        px = mi.Float(left + column) + 0.5
-        py = mi.Float(top + row) + 0.5
-        g = t.depth(px, py)
-        lane = mi.UInt32((top + row) * width + left + column)
-        hit = t.covers(px, py) & (g > 0) & (g < t.g_near)
-        if dr.hint(limit is not None, mode="scalar"):
-            hit &= g <= dr.gather(mi.Float, limit, lane, hit)
-        key = (mi.UInt64(0xFFFF_FFFF - dr.reinterpret_array(mi.UInt32, g)) << 32) | mi.UInt64(triangle)
-        dr.scatter_reduce(dr.ReduceOp.Min, buffer, key, lane, hit, mode=dr.ReduceMode.Direct)
-        column += 1
-        wrap = column >= columns
-        column = dr.select(wrap, 0, column)
-        row = dr.select(wrap, row + 1, row)
-
-
-@dr.syntax
-def _walk_tiles(points, faces, starts, face_count: int, view, box, buffer, limit, cull: bool) -> None:
-    """A fixed number of lanes takes the tiles of all large triangles in turn."""
-    lane = dr.arange(mi.UInt32, TILE_LANES)
-    item = mi.UInt32(lane)
-    total = dr.gather(mi.UInt32, starts, face_count)
-    while dr.hint(item < total, label="tiles of large triangles"):
-        # Whose tile: the last triangle whose tiles start at or before this one.
-        triangle = dr.binary_search(0, face_count - 1, lambda i: dr.gather(mi.UInt32, starts, i + 1) <= item)  # noqa: B023 (called at once)
-        tile = mi.Int32(item - dr.gather(mi.UInt32, starts, triangle))
-        t = setup(points, faces, triangle, view, box, mi.Bool(True), cull)
-        across = (t.columns + (TILE_PX - 1)) // TILE_PX
-        down = tile // dr.maximum(across, 1)
-        left = t.left + (tile - down * across) * TILE_PX
-        top = t.top + down * TILE_PX
-
-        px, py = mi.Float(left) + 0.5, mi.Float(top) + 0.5
-        reached = mi.Bool(True)
-        for edge in t.edges:
-            reached &= edge.reaches(px, py, TILE_PX - 1)
-        rows = dr.select(reached, dr.minimum(t.top + t.rows - top, TILE_PX), 0)
-        columns = dr.minimum(t.left + t.columns - left, TILE_PX)
-        _walk(t, triangle, left, top, columns, rows, buffer, view.width, limit)
-        item += TILE_LANES
-
-
 def rasterize(
     points: mi.Float,
     faces: mi.UInt32,
     face_count: int,
     view,
     *,
-    box=None,
     limit: mi.Float | None = None,
     drawn: mi.Bool | None = None,
     cull: bool = False,
-) -> mi.UInt64:
-    """Visibility buffer, UInt64 [height * width]; EMPTY where no triangle covers the pixel centre.
+) -> mi.UInt32:
+    """The nearest triangle at each pixel centre, to be asked by `winner_at` or `seen`; NONE where no triangle covers it.
 
-    box        (left, top, right, bottom) in pixels, half open; the whole picture if None
+    In the order in which the walk leaves them: row of the tile, then tile, then column of the tile.
+
     limit      Float [height * width]; only what has 1/w up to this is drawn: a stencil (0 shuts a pixel) and a surface
                behind which everything lies (its own 1/w)
     drawn      Bool [face_count]; the triangles to draw; all if None
     cull       drop triangles marked CLOSED that turn their clockwise side to the eye
+
+    Waits for the device once, to learn how long the lists are; not for use inside `dr.freeze`.
     """
-    box = (mi.Int32(0), mi.Int32(0), mi.Int32(view.width), mi.Int32(view.height)) if box is None else box
-    buffer = dr.full(mi.UInt64, EMPTY, view.width * view.height)
+    packed, boxes, ends = _prepared(points, faces, face_count, view, drawn, cull)
+    total = int(ends[face_count - 1])
+    return _nearest(packed, boxes, ends, _roomy(total), face_count, view, limit)
+
+
+def _roomy(count: int) -> int:
+    """`count` rounded up to three significant bits: a few sizes, so that few are recorded."""
+    step = 1 << max(count.bit_length() - 3, 4)
+    return max(-(-count // step), 1) * step
+
+
+@dr.freeze
+def _prepared(points, faces, face_count: int, view, drawn, cull: bool):
+    """Per triangle four packets of setup, one of integers (first tile: column, row; tiles across, in all), and the running
+    sum of the tiles."""
     triangle = dr.arange(mi.UInt32, face_count)
-    t = setup(points, faces, triangle, view, box, mi.Bool(True) if drawn is None else drawn, cull)
-    small = t.columns * t.rows <= SMALL_BOX_PX
-    tiles = ((t.columns + (TILE_PX - 1)) // TILE_PX) * ((t.rows + (TILE_PX - 1)) // TILE_PX)
-    counts = dr.zeros(mi.UInt32, face_count + 1)
-    dr.scatter(counts, dr.select(small, 0, mi.UInt32(tiles)), triangle + 1)
-    rows = dr.select(small, t.rows, 0)
-    _walk(t, triangle, t.left, t.top, t.columns, rows, buffer, view.width, limit)
-    dr.eval(buffer, counts)
-    starts = dr.prefix_reduce(dr.ReduceOp.Add, counts, exclusive=False)
-    _walk_tiles(points, faces, starts, face_count, view, box, buffer, limit, cull)
-    return buffer
+    t = setup(points, faces, triangle, view, mi.Bool(True) if drawn is None else drawn, cull)
+    owns = sum(dr.select(edge.owns, 1 << k, 0) for k, edge in enumerate(t.edges))
+    numbers = [value for e in t.edges for value in (e.x, e.y, e.A, e.B)] + [t.g, t.gx, t.gy, mi.Float(owns)]
+    packed = [dr.empty(mi.Float, 4 * face_count) for _ in range(4)]
+    for k in range(4):
+        dr.scatter(packed[k], mi.Vector4f(*numbers[4 * k : 4 * k + 4]), triangle)
+
+    column, row = t.left // TILE_WIDTH, t.top // TILE_HEIGHT
+    across = (t.left + t.columns - 1) // TILE_WIDTH - column + 1
+    down = (t.top + t.rows - 1) // TILE_HEIGHT - row + 1
+    tiles = dr.select((t.columns > 0) & (t.rows > 0), across * down, 0)
+    boxes = dr.empty(mi.UInt32, 4 * face_count)
+    dr.scatter(boxes, mi.Vector4u(mi.UInt32(column), mi.UInt32(row), mi.UInt32(across), mi.UInt32(tiles)), triangle)
+    return packed, boxes, dr.prefix_reduce(dr.ReduceOp.Add, mi.UInt32(tiles), exclusive=False)
 
 
-def triangle_of(visibility: mi.UInt64) -> tuple[mi.UInt32, mi.Bool]:
-    """Triangle number and whether there is one, per pixel."""
-    covered = visibility != EMPTY
-    return dr.select(covered, mi.UInt32(visibility & 0xFFFF_FFFF), 0), covered
+def _unpacked(packed: list, triangle: mi.UInt32) -> tuple[list[Edge], mi.Vector3f]:
+    """The edges and the plane of 1/w that `_prepared` stored."""
+    q = [dr.gather(mi.Vector4f, packet, triangle) for packet in packed]
+    owns = mi.UInt32(q[3].w)
+    edges = [Edge(q[k].x, q[k].y, q[k].z, q[k].w, (owns & (1 << k)) != 0) for k in range(3)]
+    return edges, mi.Vector3f(q[3].x, q[3].y, q[3].z)
+
+
+@dr.freeze
+def _nearest(packed, boxes, ends, room: int, face_count: int, view, limit):
+    """Lists per tile, then the walk. `room`: at least as many as there are pairs of a triangle and a tile of its box."""
+    # Whose pair: every triangle marks its first, and a running maximum spreads the marks.
+    triangle = dr.arange(mi.UInt32, face_count)
+    tiles = dr.gather(mi.UInt32, boxes, 4 * triangle + 3)
+    owner = dr.zeros(mi.UInt32, room)
+    dr.scatter(owner, triangle, ends - tiles, tiles > 0)
+    owner = dr.prefix_reduce(dr.ReduceOp.Max, owner, exclusive=False)
+
+    # Every pair that the edges do not exclude goes to the front of its tile's list.
+    tiles_across = -(-view.width // TILE_WIDTH)
+    tile_count = tiles_across * -(-view.height // TILE_HEIGHT)
+    pair = dr.arange(mi.UInt32, room)
+    box = dr.gather(mi.Vector4u, boxes, owner)
+    number = pair - (dr.gather(mi.UInt32, ends, owner) - box.w)
+    down = number // dr.maximum(box.z, 1)  # a vector's idle lanes must not divide by zero either
+    column, row = box.x + number - down * box.z, box.y + down
+    reached = number < box.w
+    for edge in _unpacked(packed, owner)[0]:
+        reached &= edge.reaches(mi.Float(column * TILE_WIDTH) + 0.5, mi.Float(row * TILE_HEIGHT) + 0.5)
+    first = dr.full(mi.UInt32, NONE, tile_count * HEAD_SPACING)
+    following = dr.scatter_exch(first, pair, (row * tiles_across + column) * HEAD_SPACING, reached)
+    dr.eval(first, following)
+    return _walk(packed, owner, first, following, tiles_across, tile_count, view, limit)
+
+
+@dr.syntax
+def _walk(packed, owner, first, following, tiles_across: int, tile_count: int, view, limit):
+    """16 lanes per tile, a column of pixels each: the nearest of the tile's triangles at every pixel."""
+    lane = dr.arange(mi.UInt32, tile_count * TILE_WIDTH)
+    tile = lane // TILE_WIDTH
+    down = tile // tiles_across
+    column = (tile - down * tiles_across) * TILE_WIDTH + (lane - tile * TILE_WIDTH)
+    top = down * TILE_HEIGHT
+    px, py = mi.Float(column) + 0.5, mi.Float(top) + 0.5
+    pixel = top * view.width + column
+    inside = [(column < view.width) & (top + k < view.height) for k in range(TILE_HEIGHT)]
+    far = dr.rcp(view.near)
+    if dr.hint(limit is None, mode="scalar"):
+        limits = [dr.select(inside[k], far, 0) for k in range(TILE_HEIGHT)]
+    else:
+        limits = [
+            dr.minimum(far, dr.gather(mi.Float, limit, pixel + k * view.width, inside[k])) for k in range(TILE_HEIGHT)
+        ]
+    open_ = limits[0] > 0
+    for k in range(1, TILE_HEIGHT):
+        open_ |= limits[k] > 0
+
+    nearest = [mi.Float(0) for _ in range(TILE_HEIGHT)]
+    winner = [mi.UInt32(NONE) for _ in range(TILE_HEIGHT)]
+    node = dr.gather(mi.UInt32, first, tile * HEAD_SPACING)
+    while dr.hint((node != NONE) & open_, label="walk the triangles of a tile"):
+        triangle = dr.gather(mi.UInt32, owner, node)
+        node = dr.gather(mi.UInt32, following, node)
+        edges, plane = _unpacked(packed, triangle)
+        across = [(px - edge.x) * edge.A for edge in edges]
+        least = [dr.select(edge.owns, 0, OPEN_END) for edge in edges]
+        g0 = dr.fma(plane.y, px, plane.x)
+        for k in range(TILE_HEIGHT):
+            y = py + k
+            hit = mi.Bool(True)
+            for i in range(3):
+                hit &= (y - edges[i].y) * edges[i].B + across[i] >= least[i]
+            g = dr.fma(plane.z, y, g0)
+            hit &= (g <= limits[k]) & ((g > nearest[k]) | ((g == nearest[k]) & (triangle < winner[k])))
+            nearest[k] = dr.select(hit, g, nearest[k])
+            winner[k] = dr.select(hit, triangle, winner[k])
+    return dr.concat(winner)
+
+
+def winner_at(visibility: mi.UInt32, view, lane: mi.UInt32, active) -> mi.UInt32:
+    """The number of the triangle that `rasterize` found nearest at pixel `lane`; 0 where not active."""
+    row = lane // view.width
+    column = lane - row * view.width
+    across, down = -(-view.width // TILE_WIDTH), -(-view.height // TILE_HEIGHT)
+    tile = (row // TILE_HEIGHT) * across + column // TILE_WIDTH
+    place = (row % TILE_HEIGHT) * (across * down * TILE_WIDTH) + tile * TILE_WIDTH + column % TILE_WIDTH
+    return dr.gather(mi.UInt32, visibility, place, active)
 
 
 def ray_through(view, lane: mi.UInt32) -> mi.Vector3f:
@@ -286,11 +316,16 @@ def interpolate(values: mi.Float, face: mi.Vector4u, weights: mi.Vector3f, activ
     return a * weights.x + b * weights.y + c * weights.z
 
 
-def seen(points: mi.Float, faces: mi.UInt32, visibility: mi.UInt64, view, lane: mi.UInt32, active: mi.Bool | bool = True):
-    """What `rasterize` found at pixel `lane`: (hit, packet of the triangle, its perspective-correct weights, the point)."""
-    triangle, hit = triangle_of(dr.gather(mi.UInt64, visibility, lane, active))
-    hit &= active
-    face, corner = corners(points, faces, triangle, hit)
+def met(points: mi.Float, faces: mi.UInt32, triangle: mi.UInt32, view, lane: mi.UInt32):
+    """Where the ray through pixel `lane` meets a triangle: packet of the triangle, perspective-correct weights, the point."""
+    face, corner = corners(points, faces, triangle, mi.Bool(True))
     a, b, c = (mi.Vector3f(q.x, q.y, q.z) - view.eye for q in corner)
     weights = barycentric(a, b, c, ray_through(view, lane))
-    return hit, face, weights, view.eye + weights.x * a + weights.y * b + weights.z * c
+    return face, weights, view.eye + weights.x * a + weights.y * b + weights.z * c
+
+
+def seen(points: mi.Float, faces: mi.UInt32, visibility: mi.UInt32, view, lane: mi.UInt32, active: mi.Bool | bool = True):
+    """What `rasterize` found at pixel `lane`: whether a triangle covers it, then what `met` returns."""
+    triangle = winner_at(visibility, view, lane, active)
+    hit = (triangle != NONE) & active
+    return hit, *met(points, faces, dr.select(hit, triangle, 0), view, lane)

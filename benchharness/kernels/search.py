@@ -28,12 +28,26 @@ CERTAIN = 1.0  # texels; a search that ended on the best texel leaves at most ha
 OUTSIDE = -8.0  # below every score: "sq" lies in [-4, 0], "dot" in [-1, 1]
 
 
-def render(surface, pose: list, view) -> mi.Float:
+def render(surface, poses: mi.Float, part: mi.UInt32, view) -> mi.Float:
     """The texture of a reflector alone, not occluded by anything: 4 floats per texel.
 
-    surface  a `benchharness.api.Surface`
-    pose     its three rows of the object-to-world matrix, Vector4f each
+    surface      a `benchharness.api.Surface`, part number `part`
+    poses        12 floats per part; see `benchharness.api.Frame`
     """
+    points, normals = _posed(surface, poses, part)
+    visibility = raster.rasterize(points, surface.faces, surface.face_count, view)
+    return _texels(points, normals, surface.faces, visibility, view)
+
+
+def pose_of(poses: mi.Float, part: mi.UInt32) -> list:
+    """The three rows of a part's object-to-world matrix."""
+    return [dr.gather(mi.Vector4f, poses, part * 3 + k) for k in range(3)]
+
+
+@dr.freeze
+def _posed(surface, poses: mi.Float, part: mi.UInt32) -> tuple[mi.Float, mi.Float]:
+    """Points and normals of a surface in world space, 4 floats per vertex."""
+    pose = pose_of(poses, part)
     lane = dr.arange(mi.UInt32, surface.vertex_count)
     p = dr.gather(mi.Vector4f, surface.vertices, lane * 2)
     n = dr.gather(mi.Vector4f, surface.vertices, lane * 2 + 1)
@@ -41,18 +55,26 @@ def render(surface, pose: list, view) -> mi.Float:
     points, normals = dr.empty(mi.Float, 4 * surface.vertex_count), dr.empty(mi.Float, 4 * surface.vertex_count)
     dr.scatter(points, mi.Vector4f(*(dr.dot(row, p) for row in pose), 0.0), lane)
     dr.scatter(normals, mi.Vector4f(*(dr.dot(row, n) for row in pose), 0.0), lane)
+    return points, normals
 
-    visibility = raster.rasterize(points, surface.faces, surface.face_count, view)
+
+@dr.freeze
+@dr.syntax
+def _texels(points, normals, faces, visibility, view) -> mi.Float:
     texel = dr.arange(mi.UInt32, view.width * view.height)
-    hit, face, weights, q = raster.seen(points, surface.faces, visibility, view, texel)
-    value = raster.interpolate(normals, face, weights, hit)
-    n = dr.normalize(mi.Vector3f(value.x, value.y, value.z))
-    depth = dr.dot(view.w, mi.Vector4f(q.x, q.y, q.z, 1.0))
+    triangle = raster.winner_at(visibility, view, texel, mi.Bool(True))
+    value = mi.Vector4f(0)
+    if triangle != raster.NONE:
+        face, weights, q = raster.met(points, faces, triangle, view, texel)
+        n = raster.interpolate(normals, face, weights, mi.Bool(True))
+        n = dr.normalize(mi.Vector3f(n.x, n.y, n.z))
+        value = mi.Vector4f(dr.dot(view.w, mi.Vector4f(q.x, q.y, q.z, 1.0)), n.x, n.y, n.z)
     texels = dr.empty(mi.Float, 4 * view.width * view.height)
-    dr.scatter(texels, dr.select(hit, mi.Vector4f(depth, n.x, n.y, n.z), 0), texel)
+    dr.scatter(texels, value, texel)
     return texels
 
 
+@dr.freeze
 def widened(view, factor: float):
     """The view with tan(fov / 2) times `factor` and as many more pixels, so that the texels keep their size."""
     width, height = math.ceil(factor * view.width), math.ceil(factor * view.height)

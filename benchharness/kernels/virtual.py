@@ -40,10 +40,13 @@ def draw(images: Images, points, triangles: geometry.Geometry, part, view, p: mi
     p, own  the mirror's point at each pixel, and whether the pixel is this mirror's
     mirror  (texels, view) of `kernels.search`: what hides a point
     """
-    packets, radiance, faces, drawn = _assembled(images, points, triangles, part, view, mirror, cut)
-    depth = dr.dot(view.w, mi.Vector4f(p.x, p.y, p.z, 1))
-    limit = dr.select(own, dr.rcp(depth * (1 - CONTACT)), 0)
+    packets, radiance, faces, drawn, limit = _assembled(images, points, triangles, part, view, p, own, mirror, cut)
     visibility = raster.rasterize(packets, faces, 2 * triangles.face_count, view, limit=limit, drawn=drawn)
+    return _shown(packets, radiance, faces, visibility, view, p, own)
+
+
+@dr.freeze
+def _shown(packets, radiance, faces, visibility, view, p: mi.Point3f, own: mi.Bool):
     pixel = dr.arange(mi.UInt32, view.width * view.height)
     hit, face, weights, q = raster.seen(packets, faces, visibility, view, pixel, own)
     value = raster.interpolate(radiance, face, weights, hit)
@@ -51,8 +54,11 @@ def draw(images: Images, points, triangles: geometry.Geometry, part, view, p: mi
     return dr.select(hit, mi.Color3f(value.x, value.y, value.z), 0), dr.select(hit, distance, 0), hit
 
 
-def _assembled(images: Images, points, triangles: geometry.Geometry, part, view, mirror, cut: bool):
-    """Vertices, their radiance, triangles and which of them to draw. Two slots per triangle: a cut one may become two.
+@dr.freeze
+def _assembled(images: Images, points, triangles: geometry.Geometry, part, view, p, own, mirror, cut: bool):
+    """Vertices, their radiance, triangles, which of them to draw, and how near a pixel lets them come.
+
+    Two slots per triangle: a cut one may become two.
 
     The vertices of the scene come first; vertices 2 f and 2 f + 1 after them are where triangle f was cut.
     """
@@ -94,7 +100,8 @@ def _assembled(images: Images, points, triangles: geometry.Geometry, part, view,
     drawn = dr.select(slot < count, dr.gather(mi.Bool, shown, one_of), dr.gather(mi.Bool, shown & extra, one_of))
     for q in raster.corners(packets, faces, slot, drawn)[1]:
         drawn &= dr.dot(view.w, mi.Vector4f(q.x, q.y, q.z, 1)) > view.near
-    return packets, radiance, faces, drawn
+    depth = dr.dot(view.w, mi.Vector4f(p.x, p.y, p.z, 1))
+    return packets, radiance, faces, drawn, dr.select(own, dr.rcp(depth * (1 - CONTACT)), 0)
 
 
 def _turned(values, turn: mi.UInt32 | mi.Int32) -> list:
