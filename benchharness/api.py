@@ -47,7 +47,7 @@ class Surface:
     """A reflector's triangles on the device, object space.
 
     vertices   8 floats per vertex: position, 0, normal, 0
-    faces      4 integers per triangle: three vertices and the number of the part
+    faces      4 integers per triangle: three vertices, and `kernels.raster.CLOSED` where its back is never seen
     """
 
     vertices: mi.Float
@@ -71,6 +71,7 @@ class Frame:
     radiance     directly seen radiance; 0 where `active`
     surfaces     per reflector, as it is seen (open)
     proxies      per reflector, its closed stand-in, or the same as the surface
+    boxes        per reflector, left, top, right, bottom: no pixel outside can show its proxy; may reach beyond the picture
     """
 
     index: int
@@ -86,6 +87,7 @@ class Frame:
     radiance: mi.Color3f
     surfaces: list[Surface]
     proxies: list[Surface]
+    boxes: list[tuple[int, int, int, int]]
 
 
 @dataclass

@@ -12,7 +12,7 @@ import numpy as np
 
 from benchharness.api import Frame, Surface, View
 from benchharness.kernels import geometry, optics, raster
-from benchharness.scene import Camera, Mesh, Scene
+from benchharness.scene import Camera, Mesh, Reflector, Scene
 
 
 def opaque(kind, values):
@@ -45,7 +45,8 @@ def surface_of(mesh: Mesh) -> Surface:
     """A reflector's mesh on the device, object space."""
     zeros = np.zeros((len(mesh.vertices), 1))
     packed = np.hstack([mesh.vertices, zeros, mesh.normals, zeros]).astype(np.float32)
-    faces = np.hstack([mesh.faces, np.zeros((len(mesh.faces), 1), np.int32)]).astype(np.uint32)
+    tags = np.where(geometry.closed_faces(mesh.vertices, mesh.faces), raster.CLOSED, 0)
+    faces = np.hstack([mesh.faces, tags[:, None]]).astype(np.uint32)
     return Surface(mi.Float(packed.ravel()), mi.UInt32(faces.ravel()), len(mesh.vertices), len(mesh.faces))
 
 
@@ -89,8 +90,21 @@ class FrameRenderer:
         v = dr.normalize(view.eye - p)
         time = self.scene.time(index)
         return Frame(
-            index, time, view, poses, reflector, active, pixels, p, n, v, radiance, self.surfaces, self.proxies
-        )
+            index, time, view, poses, reflector, active, pixels, p, n, v, radiance, self.surfaces, self.proxies,
+            [self._box(reflector, time) for reflector in self.scene.reflectors],
+        )  # fmt: skip
+
+    def _box(self, reflector: Reflector, time: float) -> tuple[int, int, int, int]:
+        """The pixels that a reflector's proxy may be seen in; far beyond the picture where it reaches behind the eye."""
+        pose = reflector.pose(time)
+        vertices = (reflector.closed or reflector.mesh).vertices @ pose[:3, :3].T + pose[:3, 3]
+        rows = self.scene.camera(time).world_to_screen(self.width, self.height)
+        q = vertices @ rows[:, :3].T + rows[:, 3]
+        if (q[:, 2] <= self.scene.near).any():
+            return (-10 * self.width, -10 * self.height, 11 * self.width, 11 * self.height)
+        pixels = q[:, :2] / q[:, 2:]
+        (left, top), (right, bottom) = np.floor(pixels.min(axis=0)), np.ceil(pixels.max(axis=0))
+        return int(left), int(top), int(right), int(bottom)
 
     def compose(self, frame: Frame, L: mi.Color3f) -> mi.Color3f:
         """The whole picture from what a method answered: mirrors show `L` times their reflectance."""

@@ -27,13 +27,13 @@ NEAR = 1e-3  # metres; what is nearer to the reflector's centre than this is ins
 
 @dataclass
 class State:
-    """`centres`: middle of each reflector's bounding box, object space; `maps`: per reflector its mip levels."""
+    """`centres`: middle of each reflector's bounding box, object space; `maps`: per reflector."""
 
     geometry: geometry.Geometry
     centres: list[mi.Point3f]
     background: mi.Color3f
     near: mi.Float
-    maps: list[list[mi.Float]]
+    maps: list[cubemap.Pyramid]
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class EnvironmentMap(Method):
             levels = [finest]
             for n in cubemap.levels_of(self.resolution)[:-1] if self.mip else ():
                 levels.append(cubemap.coarser(levels[-1], n))
-            maps.append(levels)
+            maps.append(cubemap.pyramid(levels))
         return State(state.geometry, state.centres, state.background, state.near, maps)
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
@@ -101,10 +101,10 @@ def _look_up(maps: list, view, p, n, reflector, active, resolution: int, mip: bo
     r = optics.reflect(dr.normalize(eye - p), n)
     level = _footprint(eye, p, n, reflector, r, view, resolution) if mip else mi.Float(0)
     value = mi.Vector4f(0)
-    sizes = cubemap.levels_of(resolution) if mip else [resolution]
-    for i, levels in enumerate(maps):
+    count = len(cubemap.levels_of(resolution)) if mip else 1
+    for i, pyramid in enumerate(maps):
         own = active & (reflector == i)
-        value = dr.select(own, cubemap.lookup_mip(levels, sizes, r, level, own), value)
+        value = dr.select(own, cubemap.lookup_mip(pyramid, resolution, count, r, level, own), value)
     distance = dr.select(active & (value.w <= 0), dr.inf, dr.rcp(dr.select(active, value.w, 1)))
     return mi.Color3f(value.x, value.y, value.z), dr.select(active, distance, 0)
 

@@ -50,7 +50,6 @@ class Options:
     neighbourhood: str
     placement: str
     subtexel: bool
-    widening: float
     hidden: str
     pyramid: bool
 
@@ -116,7 +115,7 @@ class ImageSpaceSearch(Method):
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         options = Options(
-            self.score, self.neighbourhood, self.placement, self.subtexel, self.widening, self.hidden, self.start == "pyramid"
+            self.score, self.neighbourhood, self.placement, self.subtexel, self.hidden, self.start == "pyramid"
         )
         warm = self.warm and state.view is not None
         L, distance, found, ends, reports = mi.Color3f(0), mi.Float(0), mi.Bool(False), [], []
@@ -124,14 +123,14 @@ class ImageSpaceSearch(Method):
             part = dr.opaque(mi.UInt32, state.objects + i)
             last = state.texels[i] if warm else dr.full(mi.UInt32, COLD, state.triangles.vertex_count)
             mine = frame.reflector == i
-            camera = search.widened(frame.view, self.widening)
-            texels = search.render(proxy, frame.poses, part, camera)
+            window = search.window(frame.view, frame.boxes[i], self.widening)
+            texels = search.render(proxy, frame.poses, part, window.view)
             images, ended, report = _search(
-                state.points, texels, camera, proxy, frame.poses, part, frame.view, state.view if warm else frame.view,
+                state.points, texels, window, proxy, frame.poses, part, frame.view, state.view if warm else frame.view,
                 last, state.triangles.vertex_count, dr.opaque(mi.UInt32, self.max_iter), options,
             )  # fmt: skip
             own, length, covered = virtual.draw(
-                images, state.points, state.triangles, part, frame.view, frame.p, mine, (texels, camera),
+                images, state.points, state.triangles, part, frame.view, frame.p, mine, (texels, window.view),
                 self.hidden == "cut",
             )  # fmt: skip
             L, distance, found = dr.select(mine, own, L), dr.select(mine, length, distance), dr.select(mine, covered, found)
@@ -149,10 +148,11 @@ class ImageSpaceSearch(Method):
 
 @dr.freeze
 def _search(
-    points, texels, camera: View, proxy: Surface, poses, part, view: View, last_view: View, last, count: int, max_iter,
+    points, texels, window: search.Window, proxy: Surface, poses, part, view: View, last_view: View, last, count: int, max_iter,
     options: Options,
 ):  # fmt: skip
     """Virtual vertices, the texels where the searches ended, and what is reported of each vertex."""
+    camera = window.view
     cold_column, cold_row = search.middle(texels, proxy, search.pose_of(poses, part), camera)
 
     # Start: where the last search ended, unless the view was cut or the reflector is not there any more.
@@ -160,7 +160,7 @@ def _search(
     V = dr.gather(mi.Vector4f, points, lane)
     active = mi.UInt32(V.w) != part
     V = mi.Point3f(V.x, V.y, V.z)
-    column, row = mi.Int32(last % camera.width), mi.Int32(last // camera.width)
+    column, row = window.texel(last)
     stays = (last != COLD) & ~_cut(view, last_view)
     stays &= search.fetch(texels, camera, column, row, stays)[0]
     column, row = dr.select(stays, column, cold_column), dr.select(stays, row, cold_row)
@@ -192,7 +192,7 @@ def _search(
         "R": R, "n": n, "virtual": image, "converged": found.converged, "valid": found.valid, "region": region,
         "iterations": found.iterations, "residual": found.residual, "border": found.border, "reads": found.reads,
     }  # fmt: skip
-    ended = dr.select(reflected | hidden, mi.UInt32(found.row * camera.width + found.column), COLD)
+    ended = dr.select(reflected | hidden, window.code(found.column, found.row), COLD)
     return images, ended, report
 
 

@@ -101,14 +101,7 @@ def face_of(d: mi.Vector3f) -> tuple[mi.UInt32, mi.Float, mi.Float]:
 
 def lookup(texels: mi.Float, n: int, d: mi.Vector3f, active=True) -> mi.Vector4f:
     """Bilinear value in direction d, of a map with n x n texels per face and a border."""
-    face, u, v = face_of(d)
-    x, y = (u + 1) * (0.5 * n) + 0.5, (v + 1) * (0.5 * n) + 0.5
-    column = dr.clip(mi.Int32(dr.floor(x)), 0, n)
-    row = dr.clip(mi.Int32(dr.floor(y)), 0, n)
-    fx, fy = x - mi.Float(column), y - mi.Float(row)
-    base = (face * (n + 2) + mi.UInt32(row)) * (n + 2) + mi.UInt32(column)
-    a, b, c, e = (dr.gather(mi.Vector4f, texels, base + k, active) for k in (0, 1, n + 2, n + 3))
-    return dr.lerp(dr.lerp(a, b, fx), dr.lerp(c, e, fx), fy)
+    return _bilinear(Pyramid(texels, mi.UInt32(0)), *face_of(d), mi.UInt32(n), mi.UInt32(0), active)
 
 
 def coarser(texels: mi.Float, n: int) -> mi.Float:
@@ -139,12 +132,37 @@ def levels_of(n: int) -> list[int]:
     return sizes
 
 
-def lookup_mip(levels: list[mi.Float], sizes: list[int], d: mi.Vector3f, level: mi.Float, active=True) -> mi.Vector4f:
-    """Trilinear value: bilinear on the two levels around `level` (0 is the finest)."""
-    level = dr.clip(level, 0, len(sizes) - 1)
-    value = mi.Vector4f(0)
-    for k, (texels, n) in enumerate(zip(levels, sizes, strict=True)):
-        weight = dr.maximum(1 - dr.abs(level - k), 0)
-        used = active & (weight > 0)
-        value += dr.select(used, lookup(texels, n, d, used) * weight, 0)
-    return value
+@dataclass
+class Pyramid:
+    """Mip levels of one map, one after the other. `starts`: first texel of each level."""
+
+    texels: mi.Float
+    starts: mi.UInt32
+
+
+def pyramid(levels: list[mi.Float]) -> Pyramid:
+    """Levels, finest first, as one."""
+    starts, texels = [0], 0
+    for level in levels[:-1]:
+        texels += dr.width(level) // 4
+        starts.append(texels)
+    return Pyramid(dr.concat(levels), mi.UInt32(starts))
+
+
+def lookup_mip(maps: Pyramid, n: int, count: int, d: mi.Vector3f, level: mi.Float, active=True) -> mi.Vector4f:
+    """Trilinear value: bilinear on the two of `count` levels around `level` (0 is the finest, n texels per face)."""
+    level = dr.clip(level, 0, count - 1)
+    lower = mi.UInt32(level)
+    upper = dr.minimum(lower + 1, count - 1)
+    face, u, v = face_of(d)
+    one, two = (_bilinear(maps, face, u, v, mi.UInt32(n) >> k, k, active) for k in (lower, upper))
+    return dr.lerp(one, two, level - mi.Float(lower))
+
+
+def _bilinear(maps: Pyramid, face, u, v, n: mi.UInt32, level: mi.UInt32, active) -> mi.Vector4f:
+    x, y = (u + 1) * (0.5 * mi.Float(n)) + 0.5, (v + 1) * (0.5 * mi.Float(n)) + 0.5
+    column, row = dr.clip(mi.Int32(x), 0, mi.Int32(n)), dr.clip(mi.Int32(y), 0, mi.Int32(n))
+    fx, fy = x - mi.Float(column), y - mi.Float(row)
+    base = dr.gather(mi.UInt32, maps.starts, level, active) + (face * (n + 2) + mi.UInt32(row)) * (n + 2) + mi.UInt32(column)
+    a, b, c, e = (dr.gather(mi.Vector4f, maps.texels, base + k, active) for k in (0, 1, n + 2, n + 3))
+    return dr.lerp(dr.lerp(a, b, fx), dr.lerp(c, e, fx), fy)

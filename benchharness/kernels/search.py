@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -24,6 +25,8 @@ from benchharness.kernels import optics, raster
 
 CROSS = ((0, 1), (0, -1), (1, 0), (-1, 0))
 DIAGONALS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
+WINDOW_STEP = 64  # pixels
+CODE_OFFSET = 1 << 14  # pixels; a texel's place in the picture plus this fits 16 bits
 CERTAIN = 1.0  # texels; a search that ended on the best texel leaves at most half a texel per axis, plus the curvature's part
 OUTSIDE = -8.0  # below every score: "sq" lies in [-4, 0], "dot" in [-1, 1]
 
@@ -35,7 +38,7 @@ def render(surface, poses: mi.Float, part: mi.UInt32, view) -> mi.Float:
     poses        12 floats per part; see `benchharness.api.Frame`
     """
     points, normals = _posed(surface, poses, part)
-    visibility = raster.rasterize(points, surface.faces, surface.face_count, view)
+    visibility = raster.rasterize(points, surface.faces, surface.face_count, view, cull=True)
     return _texels(points, normals, surface.faces, visibility, view)
 
 
@@ -74,16 +77,49 @@ def _texels(points, normals, faces, visibility, view) -> mi.Float:
     return texels
 
 
+@dataclasses.dataclass
+class Window:
+    """The part of the picture, widened, that a reflector's texture covers.
+
+    view       the texture's camera
+    left, top  pixel of the picture that the first texel lies on; a texel keeps its size and its pixel
+    """
+
+    view: Any
+    left: mi.Int32
+    top: mi.Int32
+
+    def code(self, column: mi.Int32, row: mi.Int32) -> mi.UInt32:
+        """A texel as one number that holds in the windows of other frames too."""
+        return (mi.UInt32(row + self.top + CODE_OFFSET) << 16) | mi.UInt32(column + self.left + CODE_OFFSET)
+
+    def texel(self, code: mi.UInt32) -> tuple[mi.Int32, mi.Int32]:
+        """Column and row; may lie outside of this window."""
+        return mi.Int32(code & 0xFFFF) - CODE_OFFSET - self.left, mi.Int32(code >> 16) - CODE_OFFSET - self.top
+
+
+def window(view, box: tuple[int, int, int, int], widening: float) -> Window:
+    """The window for a reflector that lies within `box` (left, top, right, bottom, pixels of the picture).
+
+    It reaches beyond the picture as far as tan(fov / 2) times `widening` does. Sizes are multiples of WINDOW_STEP, so that
+    a moving camera meets few of them.
+    """
+    beyond_x, beyond_y = (math.ceil(0.5 * (widening - 1) * n) for n in (view.width, view.height))
+    left, top = max(box[0] - 1, -beyond_x), max(box[1] - 1, -beyond_y)
+    right, bottom = min(box[2] + 1, view.width + beyond_x), min(box[3] + 1, view.height + beyond_y)
+    width, height = (max(-(-n // WINDOW_STEP), 1) * WINDOW_STEP for n in (right - left, bottom - top))
+    first = dr.opaque(mi.Int32, left), dr.opaque(mi.Int32, top)
+    return Window(_cropped(view, *first, width, height), *first)
+
+
 @dr.freeze
-def widened(view, factor: float):
-    """The view with tan(fov / 2) times `factor` and as many more pixels, so that the texels keep their size."""
-    width, height = math.ceil(factor * view.width), math.ceil(factor * view.height)
-    across, down = 0.5 * (width - view.width), 0.5 * (height - view.height)
+def _cropped(view, left: mi.Int32, top: mi.Int32, width: int, height: int):
+    left, top = mi.Float(left), mi.Float(top)
     return dataclasses.replace(
         view,
-        x=view.x + across * view.w,
-        y=view.y + down * view.w,
-        axis=view.axis - across * view.right - down * view.down,
+        x=view.x - left * view.w,
+        y=view.y - top * view.w,
+        axis=view.axis + left * view.right + top * view.down,
         width=width,
         height=height,
     )

@@ -46,12 +46,18 @@ def draw(images: Images, points, triangles: geometry.Geometry, part, view, p: mi
 
 
 @dr.freeze
+@dr.syntax
 def _shown(packets, radiance, faces, visibility, view, p: mi.Point3f, own: mi.Bool):
     pixel = dr.arange(mi.UInt32, view.width * view.height)
-    hit, face, weights, q = raster.seen(packets, faces, visibility, view, pixel, own)
-    value = raster.interpolate(radiance, face, weights, hit)
-    distance = dr.maximum(dr.norm(q - view.eye) - dr.norm(p - view.eye), 0)
-    return dr.select(hit, mi.Color3f(value.x, value.y, value.z), 0), dr.select(hit, distance, 0), hit
+    triangle = raster.winner_at(visibility, view, pixel, own)
+    hit = own & (triangle != raster.NONE)
+    L, distance = mi.Color3f(0), mi.Float(0)
+    if hit:
+        face, weights, q = raster.met(packets, faces, triangle, view, pixel)
+        value = raster.interpolate(radiance, face, weights, mi.Bool(True))
+        L = mi.Color3f(value.x, value.y, value.z)
+        distance = dr.maximum(dr.norm(q - view.eye) - dr.norm(p - view.eye), 0)
+    return L, distance, hit
 
 
 @dr.freeze
