@@ -96,8 +96,7 @@ class Vertices:
 
     region    0 unknown, 1 reflected (A), 2 unreflected (B), 3 hidden (C)
     residual  |half vector - normal| at R
-    border    the search ended at the edge of the reflector's image
-    """
+    border    the search ended at the edge of the reflector's image"""
 
     R: mi.Point3f
     n: mi.Normal3f
@@ -147,4 +146,4 @@ class Method(ABC):
 
     @abstractmethod
     def shade(self, state: Any, frame: Frame) -> tuple[Reflection, Any]:
-        """Every frame. No `dr.eval`, no NumPy, no printing. Timed as `shade_ms`."""
+        """Every frame. No NumPy, no printing. Timed as `shade_ms`."""

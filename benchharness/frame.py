@@ -58,10 +58,9 @@ class FrameRenderer:
             if part.mesh.radiance is None:
                 raise ValueError(f"scene {scene.name}: object {part.name} has no baked radiance; bake the scene first")
         self.scene, self.width, self.height = scene, width, height
-        self.geometry = geometry.upload(
-            [(o.mesh.vertices, o.mesh.radiance, o.mesh.faces) for o in scene.objects]
-            + [(r.mesh.vertices, np.asarray(r.mesh.normals), r.mesh.faces) for r in scene.reflectors]
-        )
+        lit = [(o.mesh.vertices, np.asarray(o.mesh.radiance), o.mesh.faces) for o in scene.objects]
+        mirrors = [(r.mesh.vertices, np.asarray(r.mesh.normals), r.mesh.faces) for r in scene.reflectors]
+        self.geometry = geometry.upload(lit + mirrors)
         self.surfaces = [surface_of(r.mesh) for r in scene.reflectors]
         self.proxies = [self.surfaces[i] if r.closed is None else surface_of(r.closed) for i, r in enumerate(scene.reflectors)]
         self.background = opaque(mi.Color3f, scene.background)
@@ -153,6 +152,6 @@ def composed(radiance: mi.Color3f, L: mi.Color3f, n: mi.Normal3f, v: mi.Vector3f
     image = mi.Color3f(radiance)
     cos_theta = dr.clip(dr.abs(dr.dot(mi.Vector3f(n), v)), 0, 1)
     for i in range(len(eta)):
-        reflectance = optics.fresnel_conductor(cos_theta, eta[i], k[i]) if eta[i] is not None else mi.Color3f(1)
+        reflectance = optics.fresnel_conductor(mi.Float(cos_theta), eta[i], k[i]) if eta[i] is not None else mi.Color3f(1)
         image = dr.select(reflector == i, reflectance * L, image)
     return image

@@ -57,16 +57,16 @@ class Options:
 @dataclass
 class State:
     """
-    triangles  the scene in object space; attributes: radiance, black for reflectors
-    points     the scene in world space
-    texels     per reflector and vertex, where its last search ended; COLD for none
-    view       the camera of the last frame
+    triangles     the scene in object space; attributes: radiance, black for reflectors
+    points        the scene in world space
+    surroundings  radiance at infinity, None for a scene without
+    texels        per reflector and vertex, where its last search ended; COLD for none
+    view          the camera of the last frame
     """
 
     triangles: geometry.Geometry
     points: mi.Float
-    background: mi.Color3f
-    shows: mi.Bool
+    surroundings: mi.Color3f | None
     objects: int
     texels: list[mi.UInt32]
     view: View | None
@@ -104,25 +104,20 @@ class ImageSpaceSearch(Method):
         lit = [(o.mesh.vertices, o.mesh.radiance, o.mesh.faces) for o in scene.objects]
         black = [(r.mesh.vertices, np.zeros_like(r.mesh.vertices), r.mesh.faces) for r in scene.reflectors]
         triangles = geometry.upload(lit + black)
-        background = mi.Color3f(scene.background)
-        shows = mi.Bool(max(scene.background) > 0)
-        dr.make_opaque(background, shows)
-        return State(triangles, triangles.points, background, shows, len(lit), [], None)
+        surroundings = mi.Color3f(scene.background) if max(scene.background) > 0 else None
+        return State(triangles, triangles.points, surroundings, len(lit), [], None)
 
     def update(self, state: State, frame: Frame) -> State:
         points = geometry.posed(state.triangles.points, state.triangles.vertex_count, frame.poses)
         return replace(state, points=points)
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
-        options = Options(
-            self.score, self.neighbourhood, self.placement, self.subtexel, self.hidden, self.start == "pyramid"
-        )
+        options = Options(self.score, self.neighbourhood, self.placement, self.subtexel, self.hidden, self.start == "pyramid")
         warm = self.warm and state.view is not None
         L, distance, found, ends, reports = mi.Color3f(0), mi.Float(0), mi.Bool(False), [], []
         for i, proxy in enumerate(frame.proxies):
             part = dr.opaque(mi.UInt32, state.objects + i)
             last = state.texels[i] if warm else dr.full(mi.UInt32, COLD, state.triangles.vertex_count)
-            mine = frame.reflector == i
             window = search.window(frame.view, frame.boxes[i], self.widening)
             texels = search.render(proxy, frame.poses, part, window.view)
             images, ended, report = _search(
@@ -130,19 +125,19 @@ class ImageSpaceSearch(Method):
                 last, state.triangles.vertex_count, dr.opaque(mi.UInt32, self.max_iter), options,
             )  # fmt: skip
             own, length, covered = virtual.draw(
-                images, state.points, state.triangles, part, frame.view, frame.p, mine, (texels, window.view),
-                self.hidden == "cut",
+                images, state.points, state.triangles, part, frame.view, frame.p, frame.reflector,
+                dr.opaque(mi.Int32, i), (texels, window.view), self.hidden == "cut",
             )  # fmt: skip
-            L, distance, found = dr.select(mine, own, L), dr.select(mine, length, distance), dr.select(mine, covered, found)
+            L, distance, found = (own, length, covered) if i == 0 else (L + own, distance + length, found | covered)
             ends.append(ended)
             reports.append(report)
-        # What no triangle covers is the surroundings if the scene has any, else unanswered.
-        open_sky = frame.active & ~found & state.shows
-        L = dr.select(open_sky, state.background, L)
-        distance = dr.select(open_sky, dr.inf, distance)
+        if state.surroundings is not None:
+            # What no triangle covers is the surroundings if the scene has any, else unanswered.
+            sky = frame.active & ~found
+            L, distance, found = dr.select(sky, state.surroundings, L), dr.select(sky, dr.inf, distance), frame.active
         vertices = Vertices(**{name: dr.concat([r[name] for r in reports]) for name in reports[0] if name != "reads"})
         counters = {"iterations": vertices.iterations, "texel_reads": dr.concat([r["reads"] for r in reports])}
-        reflection = Reflection(L, distance, found | open_sky, vertices, counters)
+        reflection = Reflection(L, distance, found, vertices, counters)
         return reflection, replace(state, texels=ends, view=frame.view)
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import analytic
 import mitsuba as mi  # noqa: F401  (so that the variant is set)
 import pytest
 
 from benchharness import check, plugins, template
+from benchharness.frame import FrameRenderer
 
 GOOD = template.METHOD.format(title="Sky", name="Sky").replace('"none"', '"nobody 2024"')
 
@@ -16,7 +16,7 @@ GOOD = template.METHOD.format(title="Sky", name="Sky").replace('"none"', '"nobod
 def findings(folder: Path, text: str) -> list[check.Finding]:
     (folder / "sky.py").write_text(text)
     plugin = plugins.from_path("method", "sky.py", folder, "test")
-    return list(check.findings(plugin, analytic.Renderer))
+    return list(check.findings(plugin, FrameRenderer))
 
 
 def test_the_template_keeps_the_contract(tmp_path):

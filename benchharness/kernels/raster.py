@@ -246,9 +246,7 @@ def _walk(packed, owner, first, following, tiles_across: int, tile_count: int, v
     if dr.hint(limit is None, mode="scalar"):
         limits = [dr.select(inside[k], far, 0) for k in range(TILE_HEIGHT)]
     else:
-        limits = [
-            dr.minimum(far, dr.gather(mi.Float, limit, pixel + k * view.width, inside[k])) for k in range(TILE_HEIGHT)
-        ]
+        limits = [dr.minimum(far, dr.gather(mi.Float, limit, pixel + k * view.width, inside[k])) for k in range(TILE_HEIGHT)]
     open_ = limits[0] > 0
     for k in range(1, TILE_HEIGHT):
         open_ |= limits[k] > 0

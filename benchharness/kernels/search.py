@@ -114,12 +114,12 @@ def window(view, box: tuple[int, int, int, int], widening: float) -> Window:
 
 @dr.freeze
 def _cropped(view, left: mi.Int32, top: mi.Int32, width: int, height: int):
-    left, top = mi.Float(left), mi.Float(top)
+    across, down = mi.Float(left), mi.Float(top)
     return dataclasses.replace(
         view,
-        x=view.x - left * view.w,
-        y=view.y - top * view.w,
-        axis=view.axis + left * view.right + top * view.down,
+        x=view.x - across * view.w,
+        y=view.y - down * view.w,
+        axis=view.axis + across * view.right + down * view.down,
         width=width,
         height=height,
     )

@@ -33,22 +33,25 @@ class Images:
     at: mi.Float
 
 
-def draw(images: Images, points, triangles: geometry.Geometry, part, view, p: mi.Point3f, own: mi.Bool, mirror, cut: bool):
-    """What one mirror shows: radiance, length of the reflected ray, coverage, one lane per pixel.
+def draw(images: Images, points, triangles: geometry.Geometry, part, view, p: mi.Point3f, reflector, layer, mirror, cut: bool):
+    """What one mirror shows: radiance, length of the reflected ray, coverage, one lane per pixel; 0 where it is not seen.
 
-    points  the scene's own vertices in world space; part: number of the mirror's part, which does not show itself
-    p, own  the mirror's point at each pixel, and whether the pixel is this mirror's
-    mirror  (texels, view) of `kernels.search`: what hides a point
+    points            the scene's own vertices in world space
+    part              number of the mirror's part, which does not show itself
+    p                 the mirror's point at each pixel
+    reflector, layer  number of the mirror at each pixel; this mirror's
+    mirror            (texels, view) of `kernels.search`: what hides a point
     """
-    packets, radiance, faces, drawn, limit = _assembled(images, points, triangles, part, view, p, own, mirror, cut)
+    packets, radiance, faces, drawn, limit = _assembled(images, points, triangles, part, view, p, reflector, layer, mirror, cut)
     visibility = raster.rasterize(packets, faces, 2 * triangles.face_count, view, limit=limit, drawn=drawn)
-    return _shown(packets, radiance, faces, visibility, view, p, own)
+    return _shown(packets, radiance, faces, visibility, view, p, reflector, layer)
 
 
 @dr.freeze
 @dr.syntax
-def _shown(packets, radiance, faces, visibility, view, p: mi.Point3f, own: mi.Bool):
+def _shown(packets, radiance, faces, visibility, view, p: mi.Point3f, reflector, layer):
     pixel = dr.arange(mi.UInt32, view.width * view.height)
+    own = reflector == layer
     triangle = raster.winner_at(visibility, view, pixel, own)
     hit = own & (triangle != raster.NONE)
     L, distance = mi.Color3f(0), mi.Float(0)
@@ -61,12 +64,11 @@ def _shown(packets, radiance, faces, visibility, view, p: mi.Point3f, own: mi.Bo
 
 
 @dr.freeze
-def _assembled(images: Images, points, triangles: geometry.Geometry, part, view, p, own, mirror, cut: bool):
+def _assembled(images: Images, points, triangles: geometry.Geometry, part, view, p, reflector, layer, mirror, cut: bool):
     """Vertices, their radiance, triangles, which of them to draw, and how near a pixel lets them come.
 
-    Two slots per triangle: a cut one may become two.
-
-    The vertices of the scene come first; vertices 2 f and 2 f + 1 after them are where triangle f was cut.
+    Two slots per triangle: a cut one may become two. The vertices of the scene come first, then two per triangle f, number
+    f and f + face_count of the rest: where it was cut.
     """
     vertex_count, count = triangles.vertex_count, triangles.face_count
     f = dr.arange(mi.UInt32, count)
@@ -75,39 +77,42 @@ def _assembled(images: Images, points, triangles: geometry.Geometry, part, view,
     shown = (geometry.part_of(face) != part) & (kinds[0] != NONE) & (kinds[1] != NONE) & (kinds[2] != NONE)
     shown &= (kinds[0] == REFLECTED) | (kinds[1] == REFLECTED) | (kinds[2] == REFLECTED)
     shown &= _turned_to_mirror(points, images.at, face, kinds)
-    packets = dr.empty(mi.Float, 4 * (vertex_count + 2 * count))
-    radiance = dr.empty(mi.Float, 4 * (vertex_count + 2 * count))
-    faces = dr.empty(mi.UInt32, 4 * 2 * count)
-    vertex = dr.arange(mi.UInt32, vertex_count)
-    dr.scatter(packets, dr.gather(mi.Vector4f, images.moved, vertex), vertex)
-    dr.scatter(radiance, dr.gather(mi.Vector4f, triangles.attributes, vertex), vertex)
     whole = (kinds[0] == REFLECTED) & (kinds[1] == REFLECTED) & (kinds[2] == REFLECTED)
-    first, second, extra = face, face, mi.Bool(False)
+    # A triangle that reaches behind the eye has no image.
+    near = [(q.w != REFLECTED) | (dr.dot(view.w, mi.Vector4f(q.x, q.y, q.z, 1)) > view.near) for q in corner]
+    shown &= near[0] & near[1] & near[2]
+    packets, radiance, faces, drawn = images.moved, triangles.attributes, triangles.faces, shown
     if cut:
-        # Turn the triangle so that its first vertex is reflected and its last is hidden.
+        # Turn the triangle so that its first vertex is reflected and its last is hidden. A reflected pair keeps a
+        # quadrilateral, i0 i1 two one; a single vertex a triangle, i0 one two.
         mixed = shown & ~whole
         turn = dr.select(
             (kinds[0] == REFLECTED) & (kinds[2] == HIDDEN), 0, dr.select((kinds[1] == REFLECTED) & (kinds[0] == HIDDEN), 1, 2)
         )
         i, k = _turned(face, turn), _turned(kinds, turn)
         pair = k[1] == REFLECTED
-        one, two = vertex_count + 2 * f, vertex_count + 2 * f + 1
-        _cut(packets, radiance, points, triangles, one, i[0], dr.select(pair, i[2], i[1]), mirror, mixed)
-        _cut(packets, radiance, points, triangles, two, dr.select(pair, i[1], i[0]), i[2], mirror, mixed)
-        # A reflected pair keeps a quadrilateral, i0 i1 two one; a single vertex a triangle, i0 one two.
-        first = dr.select(mixed, mi.Vector4u(i[0], dr.select(pair, i[1], one), two, face.w), face)
-        second = mi.Vector4u(i[0], two, one, face.w)
+        one = _cut(points, triangles, i[0], dr.select(pair, i[2], i[1]), mirror, mixed)
+        two = _cut(points, triangles, dr.select(pair, i[1], i[0]), i[2], mirror, mixed)
+        first = mi.Vector4u(i[0], dr.select(pair, i[1], vertex_count + f), vertex_count + count + f, face.w)
+        second = mi.Vector4u(i[0], vertex_count + count + f, vertex_count + f, face.w)
+        parts = [_packed(value, f, count) for value in (*one, *two, dr.select(mixed, first, face), second)]
         extra = mixed & pair
-    dr.scatter(faces, first, f)
-    dr.scatter(faces, second, f + count)
-
-    slot = dr.arange(mi.UInt32, 2 * count)
-    one_of = dr.select(slot < count, slot, slot - count)
-    drawn = dr.select(slot < count, dr.gather(mi.Bool, shown, one_of), dr.gather(mi.Bool, shown & extra, one_of))
-    for q in raster.corners(packets, faces, slot, drawn)[1]:
-        drawn &= dr.dot(view.w, mi.Vector4f(q.x, q.y, q.z, 1)) > view.near
+        dr.eval(parts, shown, extra)  # one kernel, before the parts are put together
+        packets = dr.concat([packets, parts[0], parts[2]])
+        radiance = dr.concat([radiance, parts[1], parts[3]])
+        faces, drawn = dr.concat([parts[4], parts[5]]), dr.concat([shown, extra])
+    else:
+        faces = dr.concat([faces, faces])
+        drawn = dr.concat([shown, dr.zeros(mi.Bool, count)])
     depth = dr.dot(view.w, mi.Vector4f(p.x, p.y, p.z, 1))
-    return packets, radiance, faces, drawn, dr.select(own, dr.rcp(depth * (1 - CONTACT)), 0)
+    return packets, radiance, faces, drawn, dr.select(reflector == layer, dr.rcp(depth * (1 - CONTACT)), 0)
+
+
+def _packed(value, lane: mi.UInt32, count: int):
+    """4 numbers per lane, side by side."""
+    out = dr.empty(dr.value_t(type(value)), 4 * count)
+    dr.scatter(out, value, lane)
+    return out
 
 
 def _turned(values, turn: mi.UInt32 | mi.Int32) -> list:
@@ -116,8 +121,8 @@ def _turned(values, turn: mi.UInt32 | mi.Int32) -> list:
 
 
 @dr.syntax
-def _cut(packets, radiance, points, triangles, slot, inner, outer, mirror, active):
-    """Writes to `slot` the point of the edge inner -> outer at which it enters the hidden region, just behind the border."""
+def _cut(points, triangles, inner, outer, mirror, active):
+    """Where the edge inner -> outer enters the hidden region, just behind the border: packets of position and radiance."""
     texels, view = mirror
     a, b = dr.gather(mi.Vector4f, points, inner, active), dr.gather(mi.Vector4f, points, outer, active)
     low, high = mi.Float(0), mi.Float(1)
@@ -126,16 +131,13 @@ def _cut(packets, radiance, points, triangles, slot, inner, outer, mirror, activ
         middle = 0.5 * (low + high)
         x = dr.lerp(a, b, middle)
         column, row, seen = search.texel_of(view, mi.Point3f(x.x, x.y, x.z))
-        covered, surface, _ = search.fetch(texels, view, column, row, seen)
-        behind = covered & (
-            dr.dot(view.w, mi.Vector4f(x.x, x.y, x.z, 1)) > dr.dot(view.w, mi.Vector4f(surface.x, surface.y, surface.z, 1))
-        )
+        surface = dr.gather(mi.Vector4f, texels, mi.UInt32(row * view.width + column), seen).x
+        behind = seen & (surface > 0) & (dr.dot(view.w, mi.Vector4f(x.x, x.y, x.z, 1)) > surface)
         low, high = dr.select(behind, low, middle), dr.select(behind, middle, high)
         step += 1
     x = dr.lerp(a, b, high)
-    dr.scatter(packets, mi.Vector4f(x.x, x.y, x.z, HIDDEN), slot, active)
     light = [dr.gather(mi.Vector4f, triangles.attributes, i, active) for i in (inner, outer)]
-    dr.scatter(radiance, dr.lerp(light[0], light[1], high), slot, active)
+    return mi.Vector4f(x.x, x.y, x.z, HIDDEN), dr.lerp(light[0], light[1], high)
 
 
 def _turned_to_mirror(points, at, face, kinds) -> mi.Bool:
