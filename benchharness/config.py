@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -111,10 +111,10 @@ class SceneSpec:
     where: str
 
     def build(self) -> Scene:
-        """The scene. Raises ValueError for what the user can mend; a builder that fails says so with its own error."""
+        """The scene, named by its label. Raises ValueError for what the user can mend, a failing builder included."""
         if self.table:
             table = tablescene.validated(self.keywords, self.where)
-            return tablescene.build(self.name, table, Path(self.base), self.where)
+            return tablescene.build(self.label, table, Path(self.base), self.where)
         builder = _builder(self.name, self.source, self.where)
         declared = params.of_builder(builder)
         keywords = {name: declared[name].value(given, f"{self.where}.{name}") for name, given in self.keywords.items()}
@@ -124,7 +124,7 @@ class SceneSpec:
             raise ValueError(f"{self.where}: the scene cannot be built: {type(error).__name__}: {error}") from error
         if not isinstance(scene, Scene):
             raise ValueError(f"{self.where}: the builder returned {type(scene).__name__}; accepted: a Scene")
-        return scene
+        return replace(scene, name=self.label)
 
 
 @dataclass(frozen=True)

@@ -162,6 +162,7 @@ def _pasts(config: Config, lines: Iterable[dict]) -> list[supervisor.Past]:
         past = pasts[line["job"]]
         if "frame" in line:
             past.done.add(line["frame"])
+            past.out |= supervisor.crashed_in(line)
         else:
             past.out[line["out"]] = {"status": line["status"], "reason": line["reason"]}
     return pasts

@@ -78,7 +78,9 @@ def execute(number: int, job: Job, setting: Setting, past: Past) -> Iterator[dic
                     yield {"job": number, "out": event["entry"], **out[event["entry"]]}
                 else:
                     left.remove(event["frame"])
-                    yield _frame_line(number, job, setting, event, out)
+                    line = _frame_line(number, job, setting, event, out)
+                    out |= crashed_in(line)
+                    yield line
         else:
             for frame in left:
                 yield _frame_line(number, job, setting, {"frame": frame, "records": [], "samples": []}, out)
@@ -97,7 +99,7 @@ def _frame_line(number: int, job: Job, setting: Setting, event: dict, out: dict[
     measured = {record["entry"]: record for record in event["records"]}
     rows, entries = [], {entry.key: entry for entry in job.entries}
     for entry in job.entries:
-        row = dict(measured.get(entry.key) or out[entry.key])
+        row = dict(out.get(entry.key) or measured[entry.key])
         row.pop("entry", None)
         about = {"frame": event["frame"], "method_hash": setting.hashes[entry.key], **_about(entry)}
         rows.append({**setting.columns, **job.facts, **about, **row})
@@ -107,6 +109,15 @@ def _frame_line(number: int, job: Job, setting: Setting, event: dict, out: dict[
         place = {"scene": job.facts["scene"], "detail": job.facts["detail"], "frame": event["frame"]}
         samples.append({**place, **about, **{k: v for k, v in sample.items() if k != "entry"}})
     return {"job": number, "frame": event["frame"], "records": rows, "samples": samples}
+
+
+def crashed_in(line: dict) -> dict[str, dict]:
+    """The entries that crashed in a frame, with an exception: they are out of the frames that follow."""
+    return {
+        f"{row['method']} {row['params']}".strip(): {"status": row["status"], "reason": row["reason"]}
+        for row in line["records"]
+        if row["status"] == "crashed"
+    }
 
 
 def _about(entry: Entry) -> dict[str, str]:

@@ -40,8 +40,9 @@ class Bench(Protocol):
     run_frame  (frame, entry -> method, watch) -> records with the measured columns and "entry", and samples with
                "entry" ("" for what belongs to no method), "clock", "round", "ms". Calls `watch(entry)` just before
                native code of an entry runs and `watch("")` after it. A method's exception is a record with status
-               "crashed". The numbers do not depend on which frames and entries ran before in this process, so that
-               a run that was interrupted, or that lost a method, has the numbers of one that was not.
+               "crashed", after which the entry is out of this job. The numbers do not depend on which frames and
+               entries ran before in this process, so that a run that was interrupted, or that lost a method, has the
+               numbers of one that was not.
     """
 
     out: Path | None

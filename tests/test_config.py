@@ -55,6 +55,7 @@ def test_a_study_becomes_one_job_per_scene_configuration_with_every_combination_
     params = [(e.params["size"], e.params["behaviour"]) for e in loaded.entries]
     assert params == [(1, "a"), (1, "b"), (2, "a"), (2, "b")]
     assert loaded.entries[0].key == "actor behaviour=a; size=1"
+    assert [job.scene.build().name for job in loaded.jobs[1:3]] == ["place[size=1.0]", "place[size=2.0]"]
     assert type(loaded.entries[3].build()).__name__ == "Actor"
 
 
