@@ -8,10 +8,11 @@ coordinates, solved by Newton's method with numerical derivatives. A vertex may 
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from benchharness.scene import Camera
 
-STEPS = 12
+STEPS = 8
 INSIDE = 1e-6  # barycentric tolerance: a point on an edge belongs to both triangles
 
 
@@ -39,7 +40,7 @@ def reflection_points(
     eye: np.ndarray,
     V: np.ndarray,
     near: np.ndarray,
-    candidates: int = 24,
+    candidates: int = 12,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Reflection points of V [N, 3], on the triangles around each `near` [N, 3] and around the best mesh vertex.
 
@@ -47,16 +48,15 @@ def reflection_points(
     Returns (R [N, K, 3], valid [N, K]): points, and which of the K candidates are reflection points.
     """
     eye, V, near = np.asarray(eye, np.float64), np.asarray(V, np.float64), np.asarray(near, np.float64)
-    centre = vertices[faces].mean(axis=1)
-    facing = ((eye - centre) * _unit(normals[faces].sum(axis=1))).sum(axis=1) > 0
-    centre_n = _unit(normals[faces].sum(axis=1))
+    centre, centre_n = vertices[faces].mean(axis=1), _unit(normals[faces].sum(axis=1))
+    to_eye = _unit(eye - centre)
+    facing = (to_eye * centre_n).sum(axis=1) > 0
     chosen = np.empty((len(V), 2 * candidates), np.int64)
+    chosen[:, candidates:] = cKDTree(centre).query(near, candidates)[1]
     for i in range(len(V)):
-        h = _unit(_unit(eye - centre) + _unit(V[i] - centre))
-        off = np.where(facing, ((h - centre_n) ** 2).sum(axis=1), np.inf)
-        away = ((centre - near[i]) ** 2).sum(axis=1)
-        chosen[i, :candidates] = np.argpartition(off, candidates)[:candidates]
-        chosen[i, candidates:] = np.argpartition(away, candidates)[:candidates]
+        s = to_eye + _unit(V[i] - centre)
+        agreement = np.where(facing, (s * centre_n).sum(axis=1) / np.linalg.norm(s, axis=1), -1)
+        chosen[i, :candidates] = np.argpartition(-agreement, candidates)[:candidates]
     p, n = vertices[faces[chosen]], normals[faces[chosen]]
     V_ = V[:, None, :]
     b = np.full((*chosen.shape, 2), 1 / 3)

@@ -17,6 +17,8 @@ Where we differ:
 * `hidden = "cut"` ends a triangle where it becomes hidden. The paper keeps its hidden vertices and mirrors them in a plane of
   the mirror: right for the topology, but a triangle that is large beside the mirror is swept across it.
 * `subtexel` goes on from the best texel to where half vector and normal agree between texels (one Gauss-Newton step).
+* `warm = "point"` carries the reflection point itself from frame to frame and looks where it is seen now. The paper carries
+  its texel, which a mirror that moves or grows on the screen leaves behind.
 * `start = "pyramid"` lets a cold search begin with wide strides; the paper starts at the centre with single texels.
 * A vertex that starts on a texel that the reflector has left begins anew from the middle of the reflector's picture.
 """
@@ -52,6 +54,20 @@ class Options:
     subtexel: bool
     hidden: str
     pyramid: bool
+    warm: str
+
+
+@dataclass
+class Ends:
+    """Where the searches of a frame ended, per vertex: codes of texels (`search.Window`; COLD for none), and points, 3 floats
+    each."""
+
+    codes: mi.UInt32
+    points: mi.Float
+
+    @staticmethod
+    def cold(count: int) -> Ends:
+        return Ends(dr.full(mi.UInt32, COLD, count), dr.zeros(mi.Float, 3 * count))
 
 
 @dataclass
@@ -60,7 +76,7 @@ class State:
     triangles     the scene in object space; attributes: radiance, black for reflectors
     points        the scene in world space
     surroundings  radiance at infinity, None for a scene without
-    texels        per reflector and vertex, where its last search ended; COLD for none
+    ends          per reflector, where the last searches ended
     view          the camera of the last frame
     """
 
@@ -68,7 +84,7 @@ class State:
     points: mi.Float
     surroundings: mi.Color3f | None
     objects: int
-    texels: list[mi.UInt32]
+    ends: list[Ends]
     view: View | None
 
 
@@ -84,7 +100,8 @@ class ImageSpaceSearch(Method):
                    the texel that V is seen in ("lookup"), of the one where the search ended ("simple", the paper in
                    practice), or of the one that its mirror image is reflected at ("full", the paper)
     start          cold search: "pyramid" halves the stride from 32 texels, "centre" takes single texels
-    warm           start where the last frame's search ended
+    warm           start where the last frame's search ended: at its point, seen anew ("point"), at its texel as in the
+                   paper ("texel"), or start cold in every frame ("off")
     max_iter       neighbourhoods after which a search gives up
     """
 
@@ -95,7 +112,7 @@ class ImageSpaceSearch(Method):
     widening: Annotated[float, Field(ge=1, le=4)] = 1.25
     hidden: Literal["cut", "lookup", "simple", "full"] = "cut"
     start: Literal["pyramid", "centre"] = "pyramid"
-    warm: bool = True
+    warm: Literal["point", "texel", "off"] = "point"
     max_iter: Annotated[int, Field(ge=1)] = 4096
 
     paper: ClassVar[str] = "Estalella et al. 2006"
@@ -112,15 +129,17 @@ class ImageSpaceSearch(Method):
         return replace(state, points=points)
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
-        options = Options(self.score, self.neighbourhood, self.placement, self.subtexel, self.hidden, self.start == "pyramid")
-        warm = self.warm and state.view is not None
+        options = Options(
+            self.score, self.neighbourhood, self.placement, self.subtexel, self.hidden, self.start == "pyramid", self.warm
+        )
+        warm = self.warm != "off" and state.view is not None
         L, distance, found, ends, reports = mi.Color3f(0), mi.Float(0), mi.Bool(False), [], []
         for i, proxy in enumerate(frame.proxies):
             part = dr.opaque(mi.UInt32, state.objects + i)
-            last = state.texels[i] if warm else dr.full(mi.UInt32, COLD, state.triangles.vertex_count)
+            last = state.ends[i] if warm else Ends.cold(state.triangles.vertex_count)
             window = search.window(frame.view, frame.boxes[i], self.widening)
             texels = search.render(proxy, frame.poses, part, window.view)
-            images, ended, report = _search(
+            images, end, report = _search(
                 state.points, texels, window, proxy, frame.poses, part, frame.view, state.view if warm else frame.view,
                 last, state.triangles.vertex_count, dr.opaque(mi.UInt32, self.max_iter), options,
             )  # fmt: skip
@@ -129,7 +148,7 @@ class ImageSpaceSearch(Method):
                 dr.opaque(mi.Int32, i), (texels, window.view), self.hidden == "cut",
             )  # fmt: skip
             L, distance, found = (own, length, covered) if i == 0 else (L + own, distance + length, found | covered)
-            ends.append(ended)
+            ends.append(end)
             reports.append(report)
         if state.surroundings is not None:
             # What no triangle covers is the surroundings if the scene has any, else unanswered.
@@ -138,7 +157,7 @@ class ImageSpaceSearch(Method):
         vertices = Vertices(**{name: dr.concat([r[name] for r in reports]) for name in reports[0] if name != "reads"})
         counters = {"iterations": vertices.iterations, "texel_reads": dr.concat([r["reads"] for r in reports])}
         reflection = Reflection(L, distance, found, vertices, counters)
-        return reflection, replace(state, texels=ends, view=frame.view)
+        return reflection, replace(state, ends=ends, view=frame.view)
 
 
 @dr.freeze
@@ -155,8 +174,12 @@ def _search(
     V = dr.gather(mi.Vector4f, points, lane)
     active = mi.UInt32(V.w) != part
     V = mi.Point3f(V.x, V.y, V.z)
-    column, row = window.texel(last)
-    stays = (last != COLD) & ~_cut(view, last_view)
+    column, row = window.texel(last.codes)
+    stays = (last.codes != COLD) & ~_cut(view, last_view)
+    if options.warm == "point":
+        c, r, seen = search.texel_of(camera, dr.gather(mi.Point3f, last.points, lane))
+        seen &= search.fetch(texels, camera, c, r, stays & seen)[0]
+        column, row = dr.select(seen, c, column), dr.select(seen, r, row)
     stays &= search.fetch(texels, camera, column, row, stays)[0]
     column, row = dr.select(stays, column, cold_column), dr.select(stays, row, cold_row)
     stride = dr.select(stays, 1, PYRAMID_STRIDE) if options.pyramid else mi.Int32(1)
@@ -187,8 +210,11 @@ def _search(
         "R": R, "n": n, "virtual": image, "converged": found.converged, "valid": found.valid, "region": region,
         "iterations": found.iterations, "residual": found.residual, "border": found.border, "reads": found.reads,
     }  # fmt: skip
-    ended = dr.select(reflected | hidden, window.code(found.column, found.row), COLD)
-    return images, ended, report
+    end = Ends(dr.select(reflected | hidden, window.code(found.column, found.row), COLD), mi.Float(0))
+    if options.warm == "point":
+        end.points = dr.empty(mi.Float, 3 * count)
+        dr.scatter(end.points, R, lane)
+    return images, end, report
 
 
 def _cut(view: View, last: View) -> mi.Bool:

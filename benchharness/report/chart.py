@@ -167,7 +167,7 @@ def _split(axes: Axes, best: list[Point]) -> None:
         widths = [parts(point)[k] for point in best]
         axes.barh([p.method for p in best], widths, left=left, color=colour, height=0.6, label=name)
         left = [a + b for a, b in zip(left, widths, strict=True)]
-    axes.set_title("Every frame: median", pad=26)
+    axes.set_title("Median (update: when something moves)", pad=26)
     axes.set_xlabel("ms")
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, fontsize=8.5, handlelength=1, borderpad=0)
 
