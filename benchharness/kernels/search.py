@@ -28,6 +28,8 @@ DIAGONALS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 WINDOW_STEP = 64  # pixels
 CODE_OFFSET = 1 << 14  # pixels; a texel's place in the picture plus this fits 16 bits
 CERTAIN = 1.0  # texels; a search that ended on the best texel leaves at most half a texel per axis, plus the curvature's part
+BEND = 0.25  # square of the largest second difference, relative to the first over both sides, of a smooth texture
+STRAY = 0.3  # |half vector - normal| of an end that is no reflection; at outlines one texel turns the normal by up to this
 OUTSIDE = -8.0  # below every score: "sq" lies in [-4, 0], "dot" in [-1, 1]
 
 
@@ -234,7 +236,7 @@ def around(texels, view, column, row, vertex: mi.Point3f, active):
     """B - N at a texel and its rates of change per column and per row, with the point's own.
 
     Returns (difference, d_column, d_row, p, n, p_column, p_row, n_column, n_row, complete): central differences over the
-    four neighbours, `complete` where all five are covered and B is defined at each.
+    four neighbours, `complete` where all five are covered, B is defined at each and the surface is smooth between them.
     """
     covered, p, n = fetch(texels, view, column, row, active)
     centre, complete = mismatch(p, n, view.eye, vertex)
@@ -247,6 +249,9 @@ def around(texels, view, column, row, vertex: mi.Point3f, active):
             difference, defined = mismatch(q, m, view.eye, vertex)
             complete &= covered & defined
             ends.append((difference, q, mi.Vector3f(m)))
+        # Where the two sides change at different rates, a step or an outline lies between: no rate to go by.
+        bend, turn = ends[0][0] + ends[1][0] - 2 * centre, ends[0][0] - ends[1][0]
+        complete &= dr.squared_norm(bend) <= BEND * dr.squared_norm(turn)
         rates.append([0.5 * (a - b) for a, b in zip(*ends, strict=True)])
     (dc, pc, nc), (dr_, pr, nr) = rates
     return centre, dc, dr_, p, n, pc, pr, nc, nr, complete
@@ -282,7 +287,8 @@ class Found:
 
     column, row  the best texel
     R, n         the reflection point and its unit normal, of that texel or refined between texels
-    reflected    V lies in front of the plane at R: region A
+    reflected    V lies in front of the plane at R: region A. Not so where the search ended far from any agreement, as it
+                 may on a mirror that is not convex: such a vertex is neither reflected nor hidden
     hidden       it does not: region C, which no reflection point shows
     converged    reflected, and half vector and normal agree within what one texel changes
     valid        converged, and the normal is turned to the eye
@@ -320,7 +326,9 @@ def find(kind, neighbourhood, subtexel: bool, texels, view, vertex, column, row,
         refined = between(view, R, n, p_column, p_row, n_column, n_row, column, row, x, y)
         R, n = dr.select(complete, refined[0], R), dr.select(complete, refined[1], n)
     in_front = dr.dot(vertex - R, n) > 0
-    reflected = active & covered & in_front
+    residual = dr.norm(mismatch(R, n, view.eye, vertex)[0])
+    stray = in_front & ~certain & (residual > STRAY)
+    reflected = active & covered & in_front & ~stray
     edge = (column == 0) | (row == 0) | (column == view.width - 1) | (row == view.height - 1)
     converged = reflected & certain
     return Found(
@@ -333,7 +341,7 @@ def find(kind, neighbourhood, subtexel: bool, texels, view, vertex, column, row,
         converged=converged,
         valid=converged & (dr.dot(view.eye - R, n) > 0),
         border=active & edge & ~certain,
-        residual=dr.norm(mismatch(R, n, view.eye, vertex)[0]),
+        residual=residual,
         iterations=dr.select(active, iterations, 0),
         reads=reads,
     )
