@@ -152,7 +152,7 @@ class Bench:
         facts = {
             "reflector_px": len(frames[-1].pixels),
             "reference_spp": references[-1].spp,
-            "reference_noise": metrics.noise(references[-1], self.scene.exposure),
+            "reference_noise": metrics.noise(references[-1], ppd=self.scene.ppd, exposure=self.scene.exposure),
             "calibration_ms": float(np.median(common["calibration"])),
         }
         if entry.broken is not None:

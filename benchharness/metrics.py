@@ -141,11 +141,20 @@ def distance_error(distance: np.ndarray, reference_distance: np.ndarray, mask: n
     return float(np.median(np.abs(distance[both] - truth) / np.maximum(truth, 1e-9)))
 
 
-def noise(reference: Reference, exposure: float = 0.0) -> float | None:
-    """The reference's own noise inside its mask, in the unit of `rmse`: root of the mean variance times 2^exposure."""
+def noise(reference: Reference, *, ppd: float, exposure: float) -> float | None:
+    """What the reference's own noise costs: mean FLIP inside the mask between it and another that is as noisy.
+
+    The other is drawn from the reference's mean and variance, always with the same random numbers. 0 where there is no
+    variance, None for an empty mask.
+    """
     if not reference.mask.any():
         return None
-    return float(np.sqrt(reference.variance[reference.mask].astype(np.float64).mean()) * 2.0**exposure)
+    if not reference.variance[reference.mask].any():
+        return 0.0
+    draw = np.random.default_rng(0).normal(size=reference.image.shape)
+    other = np.maximum(reference.image + np.sqrt(reference.variance) * draw, 0).astype(np.float32)
+    error = flip_map(other, reference.image, reference.mask, ppd=ppd, exposure=exposure)
+    return float(error[reference.mask].astype(np.float64).mean())
 
 
 def display(image: np.ndarray, exposure: float) -> np.ndarray:

@@ -175,13 +175,24 @@ def test_distance_error_is_the_median_where_both_are_finite() -> None:
     assert metrics.distance_error(given, truth * np.inf, mask) is None
 
 
-def test_noise_is_the_standard_deviation_inside_the_mask_in_the_unit_of_rmse() -> None:
-    # Variances 0.01 and 0.03 in the mask: sqrt(0.02); one stop doubles it.
-    variance = np.zeros((1, 3, 3), np.float32)
-    variance[0, 0], variance[0, 1], variance[0, 2] = 0.01, 0.03, 9.0
-    reference = SimpleNamespace(variance=variance, mask=np.array([[True, True, False]]))
-    assert metrics.noise(reference) == pytest.approx(0.02**0.5, rel=1e-5)
-    assert metrics.noise(reference, exposure=1.0) == pytest.approx(2 * 0.02**0.5, rel=1e-5)
+def test_noise_is_the_flip_of_another_draw_and_grows_with_the_variance() -> None:
+    shape = (40, 50)
+    image, mask = np.full((*shape, 3), 0.4, np.float32), np.ones(shape, bool)
+
+    def noise(deviation: float) -> float | None:
+        variance = np.full((*shape, 3), deviation**2, np.float32)
+        reference = SimpleNamespace(image=image, variance=variance, mask=mask)
+        return metrics.noise(reference, ppd=67.0, exposure=0.0)
+
+    levels = [noise(0.0), noise(0.01), noise(0.05), noise(0.2)]
+    assert levels[0] == 0
+    assert levels == sorted(levels) and levels[1] > 0
+    # By hand: the same draw, looked at by FLIP.
+    draw = np.random.default_rng(0).normal(size=image.shape)
+    other = np.maximum(image + np.float32(0.05) * draw, 0).astype(np.float32)
+    expected = metrics.evaluate(other, image, mask, ppd=67.0, exposure=0.0)["flip"]
+    assert levels[2] == pytest.approx(expected, rel=1e-3)
+
 
 
 def test_tonemap_follows_srgb() -> None:
