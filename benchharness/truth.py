@@ -50,13 +50,14 @@ def reflection_points(
     centre = vertices[faces].mean(axis=1)
     facing = ((eye - centre) * _unit(normals[faces].sum(axis=1))).sum(axis=1) > 0
     centre_n = _unit(normals[faces].sum(axis=1))
+    candidates = min(candidates, len(faces))
     chosen = np.empty((len(V), 2 * candidates), np.int64)
     for i in range(len(V)):
         h = _unit(_unit(eye - centre) + _unit(V[i] - centre))
         off = np.where(facing, ((h - centre_n) ** 2).sum(axis=1), np.inf)
         away = ((centre - near[i]) ** 2).sum(axis=1)
-        chosen[i, :candidates] = np.argpartition(off, candidates)[:candidates]
-        chosen[i, candidates:] = np.argpartition(away, candidates)[:candidates]
+        chosen[i, :candidates] = np.argpartition(off, candidates - 1)[:candidates]
+        chosen[i, candidates:] = np.argpartition(away, candidates - 1)[:candidates]
     p, n = vertices[faces[chosen]], normals[faces[chosen]]
     V_ = V[:, None, :]
     b = np.full((*chosen.shape, 2), 1 / 3)
