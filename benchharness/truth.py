@@ -12,6 +12,7 @@ import numpy as np
 from benchharness.scene import Camera
 
 STEPS = 12
+LONGEST = 0.25  # barycentric; Newton's own steps overshoot on triangles as large as the mirror
 INSIDE = 1e-6  # barycentric tolerance: a point on an edge belongs to both triangles
 
 
@@ -70,7 +71,7 @@ def reflection_points(
         step = np.stack(
             [J[..., 1, 1] * f[..., 0] - J[..., 0, 1] * f[..., 1], J[..., 0, 0] * f[..., 1] - J[..., 1, 0] * f[..., 0]], axis=-1
         )
-        b = np.clip(b - np.clip(step / det[..., None], -2, 2), -4, 4)
+        b = np.clip(b - np.clip(step / det[..., None], -LONGEST, LONGEST), -4, 4)
     f, P, N = _mismatch(b, p, n, eye, V_)
     inside = (b >= -INSIDE).all(axis=-1) & (b.sum(axis=-1) <= 1 + INSIDE)
     valid = inside & (np.abs(f).max(axis=-1) < 1e-7) & ((eye - P) * N).sum(-1).__gt__(0) & ((V_ - P) * N).sum(-1).__gt__(0)
