@@ -9,11 +9,12 @@ import mitsuba as mi
 import numpy as np
 import pytest
 from mirror_room import ball, lit, scene, smooth, still
+from ray_oracle import first_hits
 from small_room import box, quad, sphere
 from test_optics import fresnel_by_amplitudes
 
 from benchharness.frame import FrameRenderer
-from benchharness.scene import Camera, Mesh, Object, Reflector, merged
+from benchharness.scene import Mesh, Object, Reflector, merged
 
 WIDTH, HEIGHT = 80, 60
 BELOW = (0.0, -0.9, -1.1)
@@ -44,43 +45,6 @@ def still_life(**more):
     )
 
 
-def rays(camera: Camera, width: int, height: int) -> np.ndarray:
-    right, down, forward = camera.axes()
-    focal = 0.5 * height / np.tan(0.5 * np.radians(camera.fov_deg))
-    x, y = np.meshgrid(np.arange(width) + 0.5 - 0.5 * width, np.arange(height) + 0.5 - 0.5 * height)
-    return (forward + x[..., None] / focal * right + y[..., None] / focal * down).reshape(-1, 3)
-
-
-def oracle(made, time: float, width: int, height: int):
-    """(part or -1, point, normal, radiance, clear) per pixel, flat; `clear` where rounding cannot change the part."""
-    d, eye = rays(made.camera(time), width, height), np.asarray(made.camera(time).eye)
-    count = len(d)
-    best, part = np.full(count, np.inf), np.full(count, -1)
-    normal, radiance, margin = np.zeros((count, 3)), np.tile(made.background, (count, 1)).astype(float), np.full(count, np.inf)
-    for number, thing in enumerate(made.parts):
-        mesh = thing.mesh.transformed(thing.pose(time))
-        for face in mesh.faces:
-            a, b, c = mesh.vertices[face] - eye
-            volumes = np.stack([d @ np.cross(b, c), d @ np.cross(c, a), d @ np.cross(a, b)], axis=1)
-            total = volumes.sum(axis=1)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                weights = volumes / total[:, None]
-                t = (a @ np.cross(b - a, c - a)) / (d @ np.cross(b - a, c - a))
-            inside = (weights >= 0).all(axis=1) & (t > 0)
-            margin = np.where(t > 0, np.minimum(margin, np.abs(weights).min(axis=1)), margin)
-            closer = inside & (t < best)
-            margin = np.where(inside & np.isfinite(best), np.minimum(margin, np.abs(t - best)), margin)
-            best, part = np.where(closer, t, best), np.where(closer, number, part)
-            if isinstance(thing, Reflector):
-                normal[closer] = weights[closer] @ mesh.normals[face]
-            else:
-                radiance[closer] = weights[closer] @ mesh.radiance[face]
-    p = eye + np.where(np.isfinite(best), best, 0)[:, None] * d
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-    normal *= np.where(((eye - p) * normal).sum(1) < 0, -1, 1)[:, None]
-    return part, p, normal, radiance, margin > 1e-4
-
-
 @pytest.fixture(scope="module")
 def renderer():
     return FrameRenderer(still_life(), WIDTH, HEIGHT)
@@ -90,7 +54,7 @@ def renderer():
 def test_every_pixel_is_the_first_hit_of_the_ray_through_its_centre(renderer, index):
     made = renderer.scene
     frame = renderer.render(index)
-    part, p, n, radiance, clear = oracle(made, made.time(index), WIDTH, HEIGHT)
+    part, p, n, radiance, clear = first_hits(made, made.time(index), WIDTH, HEIGHT)
     reflector = np.where(part >= 2, part - 2, -1)
     got = np.array(frame.reflector)
     assert clear.mean() > 0.97
