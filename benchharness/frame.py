@@ -12,6 +12,7 @@ import numpy as np
 
 from benchharness.api import Frame, Surface, View
 from benchharness.kernels import geometry, optics, raster
+from benchharness.kernels.frozen import frozen
 from benchharness.scene import Camera, Mesh, Reflector, Scene
 
 
@@ -131,7 +132,7 @@ def _turned_mirrors(g: geometry.Geometry, poses: mi.Float, objects: int) -> mi.F
     return out
 
 
-@dr.freeze
+@frozen
 def _first_hits(points, attributes, faces, visibility, background, view: View, objects: int):
     """Reflector number, point, normal and radiance at every pixel centre."""
     lane = dr.arange(mi.UInt32, view.width * view.height)
@@ -146,7 +147,7 @@ def _first_hits(points, attributes, faces, visibility, background, view: View, o
     return reflector, mirror, dr.select(mirror, p, 0), mi.Normal3f(n), dr.select(mirror, 0, seen)
 
 
-@dr.freeze
+@frozen
 def composed(radiance: mi.Color3f, L: mi.Color3f, n: mi.Normal3f, v: mi.Vector3f, reflector: mi.Int32, eta: list, k: list):
     """The picture: what is seen directly, and each reflector's reflectance times what it shows."""
     image = mi.Color3f(radiance)

@@ -12,7 +12,8 @@ from scipy.spatial import cKDTree
 
 from benchharness.scene import Camera
 
-STEPS = 8
+STEPS = 12
+LONGEST = 0.25  # barycentric; Newton's own steps overshoot on triangles as large as the mirror
 INSIDE = 1e-6  # barycentric tolerance: a point on an edge belongs to both triangles
 
 
@@ -51,12 +52,13 @@ def reflection_points(
     centre, centre_n = vertices[faces].mean(axis=1), _unit(normals[faces].sum(axis=1))
     to_eye = _unit(eye - centre)
     facing = (to_eye * centre_n).sum(axis=1) > 0
+    candidates = min(candidates, len(faces))
     chosen = np.empty((len(V), 2 * candidates), np.int64)
-    chosen[:, candidates:] = cKDTree(centre).query(near, candidates)[1]
+    chosen[:, candidates:] = cKDTree(centre).query(near, candidates)[1].reshape(len(V), candidates)
     for i in range(len(V)):
         s = to_eye + _unit(V[i] - centre)
-        agreement = np.where(facing, (s * centre_n).sum(axis=1) / np.linalg.norm(s, axis=1), -1)
-        chosen[i, :candidates] = np.argpartition(-agreement, candidates)[:candidates]
+        agreement = np.where(facing, (s * centre_n).sum(axis=1) / np.maximum(np.linalg.norm(s, axis=1), 1e-12), -1)
+        chosen[i, :candidates] = np.argpartition(-agreement, candidates - 1)[:candidates]
     p, n = vertices[faces[chosen]], normals[faces[chosen]]
     V_ = V[:, None, :]
     b = np.full((*chosen.shape, 2), 1 / 3)
@@ -69,7 +71,7 @@ def reflection_points(
         step = np.stack(
             [J[..., 1, 1] * f[..., 0] - J[..., 0, 1] * f[..., 1], J[..., 0, 0] * f[..., 1] - J[..., 1, 0] * f[..., 0]], axis=-1
         )
-        b = np.clip(b - np.clip(step / det[..., None], -2, 2), -4, 4)
+        b = np.clip(b - np.clip(step / det[..., None], -LONGEST, LONGEST), -4, 4)
     f, P, N = _mismatch(b, p, n, eye, V_)
     inside = (b >= -INSIDE).all(axis=-1) & (b.sum(axis=-1) <= 1 + INSIDE)
     valid = inside & (np.abs(f).max(axis=-1) < 1e-7) & ((eye - P) * N).sum(-1).__gt__(0) & ((V_ - P) * N).sum(-1).__gt__(0)

@@ -20,6 +20,7 @@ from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection
 from benchharness.kernels import cubemap, geometry, optics
+from benchharness.kernels.frozen import frozen
 from benchharness.scene import Scene
 
 NEAR = 1e-3  # metres; what is nearer to the reflector's centre than this is inside the reflector
@@ -94,7 +95,7 @@ def _capture(triangles: geometry.Geometry, points, poses, part, centre, near, ba
     )
 
 
-@dr.freeze
+@frozen
 def _look_up(maps: list, view, p, n, reflector, active, resolution: int, mip: bool):
     """Radiance and distance at every pixel, from the map of the reflector seen there."""
     eye = view.eye
@@ -112,9 +113,12 @@ def _look_up(maps: list, view, p, n, reflector, active, resolution: int, mip: bo
 def _footprint(eye, p, n, reflector, r, view, resolution: int) -> mi.Float:
     """Mip level at which one texel is as wide as the turn of r from this pixel to its right and lower neighbours."""
     lane = dr.arange(mi.UInt32, view.width * view.height)
+    column = lane % view.width
+    last_column, last_row = column == view.width - 1, lane >= view.width * (view.height - 1)
     turn = mi.Float(0)
-    for step in (1, view.width):
-        there = dr.minimum(lane + step, view.width * view.height - 1)
+    # At the picture's end, the neighbour on the other side.
+    for there in (dr.select(last_column, lane - 1, lane + 1), dr.select(last_row, lane - view.width, lane + view.width)):
+        there = dr.minimum(there, view.width * view.height - 1)
         q, m = dr.gather(mi.Point3f, p, there), dr.gather(mi.Normal3f, n, there)
         same = dr.gather(mi.Int32, reflector, there) == reflector
         turned = dr.norm(optics.reflect(dr.normalize(eye - q), m) - r)

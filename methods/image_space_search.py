@@ -33,8 +33,9 @@ import mitsuba as mi
 import numpy as np
 from pydantic import Field
 
-from benchharness.api import Frame, Method, Reflection, Surface, Vertices, View
+from benchharness.api import Frame, Method, Reflection, Vertices, View
 from benchharness.kernels import geometry, optics, search, virtual
+from benchharness.kernels.frozen import frozen
 from benchharness.scene import Scene
 
 COLD = 0xFFFF_FFFF
@@ -140,7 +141,7 @@ class ImageSpaceSearch(Method):
             window = search.window(frame.view, frame.boxes[i], self.widening)
             texels = search.render(proxy, frame.poses, part, window.view)
             images, end, report = _search(
-                state.points, texels, window, proxy, frame.poses, part, frame.view, state.view if warm else frame.view,
+                state.points, texels, window, part, frame.view, state.view if warm else frame.view,
                 last, state.triangles.vertex_count, dr.opaque(mi.UInt32, self.max_iter), options,
             )  # fmt: skip
             own, length, covered = virtual.draw(
@@ -160,14 +161,13 @@ class ImageSpaceSearch(Method):
         return reflection, replace(state, ends=ends, view=frame.view)
 
 
-@dr.freeze
+@frozen
 def _search(
-    points, texels, window: search.Window, proxy: Surface, poses, part, view: View, last_view: View, last, count: int, max_iter,
-    options: Options,
+    points, texels, window: search.Window, part, view: View, last_view: View, last, count: int, max_iter, options: Options,
 ):  # fmt: skip
     """Virtual vertices, the texels where the searches ended, and what is reported of each vertex."""
     camera = window.view
-    cold_column, cold_row = search.middle(texels, proxy, search.pose_of(poses, part), camera)
+    cold_column, cold_row = search.middle(texels, window)
 
     # Start: where the last search ended, unless the view was cut or the reflector is not there any more.
     lane = dr.arange(mi.UInt32, count)
@@ -199,7 +199,7 @@ def _search(
             )
         seen, P, N = search.fetch(texels, camera, c, r, hidden & seen)
         plane_R, plane_n = dr.select(seen, P, R), dr.select(seen, N, n)
-    image = dr.select(hidden, optics.mirrored(V, plane_R, plane_n), image)
+    image = dr.select(hidden, optics.mirrored(V, plane_R, plane_n), dr.select(reflected, image, V))
     kind = dr.select(reflected, virtual.REFLECTED, dr.select(hidden, virtual.HIDDEN, virtual.NONE))
     images = virtual.Images(dr.empty(mi.Float, 4 * count), dr.empty(mi.Float, 4 * count))
     dr.scatter(images.moved, mi.Vector4f(image.x, image.y, image.z, kind), lane)

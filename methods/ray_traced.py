@@ -60,6 +60,8 @@ class RayTraced(Method):
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         lane = frame.pixels
+        if dr.width(lane) == 0:  # no mirror in view
+            return _spread(mi.Color3f(0), mi.Float(0), lane, frame), state
         p, n, v = (dr.gather(type(a), a, lane) for a in (frame.p, frame.n, frame.v))
         r = optics.reflect(v, n)
         start = p + mi.Vector3f(n) * (RAY_EPSILON * (1 + dr.max(dr.abs(p))))
@@ -88,7 +90,6 @@ def _spread(L: mi.Color3f, distance: mi.Float, lane: mi.UInt32, frame: Frame) ->
     count = frame.view.width * frame.view.height
     full = [dr.zeros(mi.Float, count) for _ in range(4)]
     for target, value in zip(full, (L.x, L.y, L.z, distance), strict=True):
-        dr.scatter(target, value, lane)
-    return Reflection(
-        mi.Color3f(*full[:3]), full[3], mi.Bool(frame.active), counters={"rays": dr.full(mi.UInt32, 1, dr.width(lane))}
-    )
+        if dr.width(lane) > 0:
+            dr.scatter(target, value, lane)
+    return Reflection(mi.Color3f(*full[:3]), full[3], mi.Bool(frame.active), counters={"rays": mi.UInt32(frame.active)})

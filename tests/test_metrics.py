@@ -194,7 +194,6 @@ def test_noise_is_the_flip_of_another_draw_and_grows_with_the_variance() -> None
     assert levels[2] == pytest.approx(expected, rel=1e-3)
 
 
-
 def test_tonemap_follows_srgb() -> None:
     # Linear 0.5 is 188 in sRGB, 0.25 one stop up the same, 0.002 in the linear piece is 0.02584 * 255 = 6.6.
     image = np.array([[[0.5] * 3, [0.002] * 3, [7.0] * 3, [np.nan] * 3]], np.float32)

@@ -28,6 +28,8 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
+from benchharness.kernels.frozen import frozen
+
 TILE_WIDTH, TILE_HEIGHT = 16, 8  # pixels: a vector of lanes across, what fits the registers down
 CLOSED = 0x8000_0000
 HEAD_SPACING = 16  # heads of lists lie a cache line apart: two cores that add to two lists do not share one
@@ -175,7 +177,7 @@ def _roomy(count: int) -> int:
     return max(-(-count // step), 1) * step
 
 
-@dr.freeze
+@frozen
 def _prepared(points, faces, face_count: int, view, drawn, cull: bool):
     """Per triangle four packets of setup, one of integers (first tile: column, row; tiles across, in all), and the running
     sum of the tiles."""
@@ -204,7 +206,7 @@ def _unpacked(packed: list, triangle: mi.UInt32) -> tuple[list[Edge], mi.Vector3
     return edges, mi.Vector3f(q[3].x, q[3].y, q[3].z)
 
 
-@dr.freeze
+@frozen
 def _nearest(packed, boxes, ends, room: int, face_count: int, view, limit):
     """Lists per tile, then the walk. `room`: at least as many as there are pairs of a triangle and a tile of its box."""
     # Whose pair: every triangle marks its first, and a running maximum spreads the marks.

@@ -22,6 +22,7 @@ import drjit as dr
 import mitsuba as mi
 
 from benchharness.kernels import optics, raster
+from benchharness.kernels.frozen import frozen
 
 CROSS = ((0, 1), (0, -1), (1, 0), (-1, 0))
 DIAGONALS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
@@ -44,15 +45,10 @@ def render(surface, poses: mi.Float, part: mi.UInt32, view) -> mi.Float:
     return _texels(points, normals, surface.faces, visibility, view)
 
 
-def pose_of(poses: mi.Float, part: mi.UInt32) -> list:
-    """The three rows of a part's object-to-world matrix."""
-    return [dr.gather(mi.Vector4f, poses, part * 3 + k) for k in range(3)]
-
-
-@dr.freeze
+@frozen
 def _posed(surface, poses: mi.Float, part: mi.UInt32) -> tuple[mi.Float, mi.Float]:
     """Points and normals of a surface in world space, 4 floats per vertex."""
-    pose = pose_of(poses, part)
+    pose = [dr.gather(mi.Vector4f, poses, part * 3 + k) for k in range(3)]
     lane = dr.arange(mi.UInt32, surface.vertex_count)
     p = dr.gather(mi.Vector4f, surface.vertices, lane * 2)
     n = dr.gather(mi.Vector4f, surface.vertices, lane * 2 + 1)
@@ -63,7 +59,7 @@ def _posed(surface, poses: mi.Float, part: mi.UInt32) -> tuple[mi.Float, mi.Floa
     return points, normals
 
 
-@dr.freeze
+@frozen
 @dr.syntax
 def _texels(points, normals, faces, visibility, view) -> mi.Float:
     texel = dr.arange(mi.UInt32, view.width * view.height)
@@ -73,6 +69,9 @@ def _texels(points, normals, faces, visibility, view) -> mi.Float:
         face, weights, q = raster.met(points, faces, triangle, view, texel)
         n = raster.interpolate(normals, face, weights, mi.Bool(True))
         n = dr.normalize(mi.Vector3f(n.x, n.y, n.z))
+        # A sheet is a mirror on both sides: seen from behind, it has the normals of that side.
+        a, b, c = (corner.xyz for corner in raster.corners(points, faces, triangle, mi.Bool(True))[1])
+        n = dr.select(dr.dot(dr.cross(b - a, c - a), view.eye - a) < 0, -n, n)
         value = mi.Vector4f(dr.dot(view.w, mi.Vector4f(q.x, q.y, q.z, 1.0)), n.x, n.y, n.z)
     texels = dr.empty(mi.Float, 4 * view.width * view.height)
     dr.scatter(texels, value, texel)
@@ -83,13 +82,17 @@ def _texels(points, normals, faces, visibility, view) -> mi.Float:
 class Window:
     """The part of the picture, widened, that a reflector's texture covers.
 
-    view       the texture's camera
-    left, top  pixel of the picture that the first texel lies on; a texel keeps its size and its pixel
+    view           the texture's camera
+    left, top      pixel of the picture that the first texel lies on; a texel keeps its size and its pixel
+    centre_column  texel nearest to the centre of the reflector's box
+    centre_row
     """
 
     view: Any
     left: mi.Int32
     top: mi.Int32
+    centre_column: mi.Int32
+    centre_row: mi.Int32
 
     def code(self, column: mi.Int32, row: mi.Int32) -> mi.UInt32:
         """A texel as one number that holds in the windows of other frames too."""
@@ -103,18 +106,25 @@ class Window:
 def window(view, box: tuple[int, int, int, int], widening: float) -> Window:
     """The window for a reflector that lies within `box` (left, top, right, bottom, pixels of the picture).
 
-    It reaches beyond the picture as far as tan(fov / 2) times `widening` does. Sizes are multiples of WINDOW_STEP, so that
-    a moving camera meets few of them.
+    It reaches beyond the picture as far as tan(fov / 2) times `widening` does, and no further. Sizes are multiples of
+    WINDOW_STEP, or all that may be seen, so that a moving camera meets few of them.
     """
-    beyond_x, beyond_y = (math.ceil(0.5 * (widening - 1) * n) for n in (view.width, view.height))
-    left, top = max(box[0] - 1, -beyond_x), max(box[1] - 1, -beyond_y)
-    right, bottom = min(box[2] + 1, view.width + beyond_x), min(box[3] + 1, view.height + beyond_y)
-    width, height = (max(-(-n // WINDOW_STEP), 1) * WINDOW_STEP for n in (right - left, bottom - top))
+    left, width, column = _span(box[0], box[2], view.width, widening)
+    top, height, row = _span(box[1], box[3], view.height, widening)
     first = dr.opaque(mi.Int32, left), dr.opaque(mi.Int32, top)
-    return Window(_cropped(view, *first, width, height), *first)
+    return Window(_cropped(view, *first, width, height), *first, dr.opaque(mi.Int32, column), dr.opaque(mi.Int32, row))
 
 
-@dr.freeze
+def _span(low: int, high: int, size: int, widening: float) -> tuple[int, int, int]:
+    """Along one axis: first pixel, number of texels, and the texel nearest to the middle between `low` and `high`."""
+    beyond = math.ceil(0.5 * (widening - 1) * size)
+    first, last = max(low - 1, -beyond), min(high + 1, size + beyond)
+    count = min(max(-(-(last - first) // WINDOW_STEP), 1) * WINDOW_STEP, size + 2 * beyond)
+    first = min(first, size + beyond - count)
+    return first, count, min(max((low + high) // 2 - first, 0), count - 1)
+
+
+@frozen
 def _cropped(view, left: mi.Int32, top: mi.Int32, width: int, height: int):
     across, down = mi.Float(left), mi.Float(top)
     return dataclasses.replace(
@@ -127,24 +137,19 @@ def _cropped(view, left: mi.Int32, top: mi.Int32, width: int, height: int):
     )
 
 
-def middle(texels, surface, pose: list, view) -> tuple[mi.Int32, mi.Int32]:
-    """Where a cold search starts: the covered texel nearest to the centre of the reflector's bounding box on the screen.
+def middle(texels, where: Window) -> tuple[mi.Int32, mi.Int32]:
+    """Where a cold search starts: the covered texel nearest to the centre of the reflector's box on the screen.
 
-    The texels tried are those of the reflector's vertices, which lie as dense as its tessellation. (0, 0) if none is in
-    the picture.
+    (0, 0) if nothing is covered.
     """
-    lane = dr.arange(mi.UInt32, surface.vertex_count)
-    p = dr.gather(mi.Vector4f, surface.vertices, lane * 2)
-    p.w = 1.0
-    column, row, seen = texel_of(view, mi.Point3f(*(dr.dot(axis, p) for axis in pose)))
-    seen &= fetch(texels, view, column, row, seen)[0]
-    far = view.width + view.height
-    centre_column = (dr.min(dr.select(seen, column, far)) + dr.max(dr.select(seen, column, 0))) // 2
-    centre_row = (dr.min(dr.select(seen, row, far)) + dr.max(dr.select(seen, row, 0))) // 2
-    distance = mi.UInt64(mi.UInt32(dr.square(column - centre_column) + dr.square(row - centre_row)))
-    key = (distance << 32) | mi.UInt64(mi.UInt32(row * view.width + column))
-    texel = mi.Int32(mi.UInt32(dr.min(dr.select(seen, key, 0x7FFF_FFFF_0000_0000)) & 0xFFFF_FFFF))
-    return texel % view.width, texel // view.width
+    width = where.view.width
+    texel = dr.arange(mi.UInt32, width * where.view.height)
+    covered = dr.gather(mi.Float, texels, 4 * texel) > 0
+    column, row = mi.Int32(texel % width), mi.Int32(texel // width)
+    distance = mi.UInt32(dr.square(column - where.centre_column) + dr.square(row - where.centre_row))
+    key = dr.select(covered, (mi.UInt64(distance) << 32) | mi.UInt64(texel), 0x7FFF_FFFF_0000_0000)
+    nearest = mi.Int32(mi.UInt32(dr.min(key) & 0xFFFF_FFFF))
+    return nearest % width, nearest // width
 
 
 def texel_of(view, p: mi.Point3f) -> tuple[mi.Int32, mi.Int32, mi.Bool]:
@@ -201,6 +206,7 @@ def climb(kind: str, neighbourhood: str, texels, view, vertex, column, row, stri
     reads = mi.UInt32(dr.select(active, 1, 0))
     corners = mi.Bool(False)
     running = mi.Bool(active)
+    ended = ~running
     offsets = CROSS + DIAGONALS if neighbourhood == "full8" else CROSS
     while dr.hint(running, label="climb the agreement of half vector and normal"):
         next_column, next_row, next_best = mi.Int32(column), mi.Int32(row), mi.Float(best)
@@ -228,8 +234,9 @@ def climb(kind: str, neighbourhood: str, texels, view, vertex, column, row, stri
         iterations += dr.select(examined, 1, 0)
         done = settled & (stride <= 1)
         stride = dr.select(settled, dr.maximum(stride >> 1, 1), stride)
+        ended |= done
         running &= ~done & (iterations < max_iter)
-    return column, row, best, iterations, reads, dr.select(active, iterations < max_iter, True)
+    return column, row, best, iterations, reads, ended
 
 
 def around(texels, view, column, row, vertex: mi.Point3f, active):

@@ -15,6 +15,7 @@ import drjit as dr
 import mitsuba as mi
 
 from benchharness.kernels import geometry, raster, search
+from benchharness.kernels.frozen import frozen
 
 NONE, REFLECTED, HIDDEN = 0, 1, 2
 HALVINGS = 10  # of an edge, to find where it enters the hidden region: a thousandth of its length
@@ -47,7 +48,7 @@ def draw(images: Images, points, triangles: geometry.Geometry, part, view, p: mi
     return _shown(packets, radiance, faces, visibility, view, p, reflector, layer)
 
 
-@dr.freeze
+@frozen
 @dr.syntax
 def _shown(packets, radiance, faces, visibility, view, p: mi.Point3f, reflector, layer):
     pixel = dr.arange(mi.UInt32, view.width * view.height)
@@ -63,7 +64,7 @@ def _shown(packets, radiance, faces, visibility, view, p: mi.Point3f, reflector,
     return L, distance, hit
 
 
-@dr.freeze
+@frozen
 def _assembled(images: Images, points, triangles: geometry.Geometry, part, view, p, reflector, layer, mirror, cut: bool):
     """Vertices, their radiance, triangles, which of them to draw, and how near a pixel lets them come.
 

@@ -24,7 +24,12 @@ LAYOUT: Any = {
 GRID: Any = {"gridcolor": "#E5E7EB", "zeroline": False, "linecolor": "#6B7280", "ticks": "outside"}
 LOG: Any = {**GRID, "type": "log", "dtick": "D2", "exponentformat": "none"}
 
-TITLES = ["Median ms (update: when something moves)", "Once per scene: prepare ms", "Frame ms along the path", "FLIP along the path"]
+TITLES = [
+    "Median ms (update: when something moves)",
+    "Once per scene: prepare ms",
+    "Frame ms along the path",
+    "FLIP along the path",
+]
 
 
 def html(figure: go.Figure, name: str) -> str:

@@ -1,0 +1,47 @@
+"""First hits by brute force, float64: one ray through each pixel centre, every triangle of a scene tried."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchharness.scene import Camera, Reflector, Scene
+
+
+def rays(camera: Camera, width: int, height: int) -> np.ndarray:
+    right, down, forward = camera.axes()
+    focal = 0.5 * height / np.tan(0.5 * np.radians(camera.fov_deg))
+    x, y = np.meshgrid(np.arange(width) + 0.5 - 0.5 * width, np.arange(height) + 0.5 - 0.5 * height)
+    return (forward + x[..., None] / focal * right + y[..., None] / focal * down).reshape(-1, 3)
+
+
+def first_hits(made: Scene, time: float, width: int, height: int, beyond: np.ndarray | float = 0.0):
+    """(part or -1, point, normal, radiance, clear) per pixel, flat; `clear` where rounding cannot change the part.
+
+    beyond   only hits at more than this depth along the view axis count, [H W] or one number
+    """
+    d, eye = rays(made.camera(time), width, height), np.asarray(made.camera(time).eye)
+    count = len(d)
+    best, part = np.full(count, np.inf), np.full(count, -1)
+    normal, radiance, margin = np.zeros((count, 3)), np.tile(made.background, (count, 1)).astype(float), np.full(count, np.inf)
+    for number, thing in enumerate(made.parts):
+        mesh = thing.mesh.transformed(thing.pose(time))
+        for face in mesh.faces:
+            a, b, c = mesh.vertices[face] - eye
+            volumes = np.stack([d @ np.cross(b, c), d @ np.cross(c, a), d @ np.cross(a, b)], axis=1)
+            total = volumes.sum(axis=1)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                weights = volumes / total[:, None]
+                t = (a @ np.cross(b - a, c - a)) / (d @ np.cross(b - a, c - a))
+            inside = (weights >= 0).all(axis=1) & (t > beyond)
+            margin = np.where(t > beyond, np.minimum(margin, np.abs(weights).min(axis=1)), margin)
+            closer = inside & (t < best)
+            margin = np.where(inside & np.isfinite(best), np.minimum(margin, np.abs(t - best)), margin)
+            best, part = np.where(closer, t, best), np.where(closer, number, part)
+            if isinstance(thing, Reflector):
+                normal[closer] = weights[closer] @ mesh.normals[face]
+            else:
+                radiance[closer] = weights[closer] @ mesh.radiance[face]
+    p = eye + np.where(np.isfinite(best), best, 0)[:, None] * d
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    normal *= np.where(((eye - p) * normal).sum(1) < 0, -1, 1)[:, None]
+    return part, p, normal, radiance, margin > 1e-4
