@@ -1,0 +1,210 @@
+"""What is timed against what: our stages and their rivals on one frame.
+
+Rivals draw the same triangles with the same camera and light, and are recorded and replayed (`dr.freeze`) as ours are.
+Where Embree's time depends on how it is asked, both ways are there: as Mitsuba asks it by default, and at its best. A note
+says how far the two sides' pictures agree.
+
+gbuffer          the first hit of every pixel
+raster           the same, against an OpenGL rasterizer on the processor
+frame            a whole picture of a still scene: first hits, reflection, composite
+shade            the reflection alone, first hits given
+moving           the same where things moved: what has to be rebuilt, then the reflection
+environment_map  its reflection alone, for orientation
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from benchharness import embree, llvmpipe, metrics
+from benchharness.api import Method
+from benchharness.scene import Scene
+from benchharness.stage import Stage, Work, answer, interleaved, method, ratio_interval
+
+OURS = "ours"
+CLOSE_M = 1e-3  # two first hits nearer than this are the same
+
+
+@dataclass(frozen=True)
+class Rival:
+    """`work` is None where it cannot be done here; `note` then says why."""
+
+    name: str
+    work: Work | None
+    note: str
+
+
+@dataclass(frozen=True)
+class Comparison:
+    name: str
+    ours: Work
+    rivals: list[Rival]
+
+
+def comparisons(
+    still: Scene, moving: Scene, size: tuple[int, int], index: int, gl: llvmpipe.Llvmpipe | str
+) -> list[Comparison]:
+    """All comparisons on frame `index`. Both scenes are baked; in `moving` something moves just before that frame.
+
+    gl   llvmpipe with that frame of `still`, or why there is none
+    """
+    stage, moved = Stage(still, size, index), Stage(moving, size, index)
+    world, moved_world = embree.build(still, stage.frame.time), embree.build(moving, moved.frame.time)
+    return [
+        _gbuffer(stage, world),
+        _raster(stage, gl),
+        _frame(stage, world),
+        _shade("shade", "image_space_search", stage, world),
+        _moving(moved, moved_world),
+        _shade("environment_map", "environment_map", stage, world),
+    ]
+
+
+# The comparisons
+
+
+def _gbuffer(stage: Stage, world: embree.World) -> Comparison:
+    renderer, frame, view = stage.renderer, stage.frame, stage.frame.view
+    rivals = [
+        ("Embree, default call", lambda: embree.interactions(world, view), lambda si: si.p,
+         "the whole surface interaction evaluated"),
+        ("Embree, coherent", lambda: embree.essentials(world, view), lambda found: found[1],
+         "point, normals, triangle and uv evaluated"),
+        ("Embree, coherent, our G-buffer", lambda: embree.gbuffer(world, view, frame), lambda found: found.p,
+         "preliminary hits; what our G-buffer holds and nothing else"),
+    ]  # fmt: skip
+    return Comparison(
+        "gbuffer",
+        lambda: renderer.draw(frame.index, view),
+        [Rival(name, work, f"{note}; {_same_points(stage, point(work()))}") for name, work, point, note in rivals],
+    )
+
+
+def _raster(stage: Stage, gl: llvmpipe.Llvmpipe | str) -> Comparison:
+    renderer, index, view = stage.renderer, stage.frame.index, stage.frame.view
+
+    def ours() -> tuple:
+        frame = renderer.draw(index, view)
+        return frame.reflector, frame.p, frame.n, frame.radiance
+
+    rivals = []
+    for count in llvmpipe.TARGETS:
+        name = f"llvmpipe, {count} targets"
+        if isinstance(gl, str):
+            rivals.append(Rival(name, None, gl))
+        else:
+            gl.draw(count)
+            part, p, *_ = gl.read(count)
+            mirror = part >= len(stage.scene.objects)
+            same = np.mean(mirror == np.array(stage.frame.active))
+            note = f"float32 x 4 and depth; mirror or not: the same at {same:.3%} of all pixels; {_same_points(stage, p.T)}"
+            rivals.append(Rival(name, lambda count=count: gl.draw(count), note))
+    return Comparison("raster", ours, rivals)
+
+
+def _frame(stage: Stage, world: embree.World) -> Comparison:
+    renderer, index, view = stage.renderer, stage.frame.index, stage.frame.view
+    search, traced = method("image_space_search"), method("ray_traced")
+    state, traced_state = stage.warmed(search), stage.warmed(traced)
+
+    def ours() -> tuple:
+        frame = renderer.draw(index, view)
+        reflection, after = search.shade(state, frame)
+        return renderer.compose(frame, reflection.L), after
+
+    def staged() -> Any:
+        frame = embree.gbuffer(world, view, stage.frame)
+        return renderer.compose(frame, traced.shade(traced_state, frame)[0].L)
+
+    drawn = ours()[0]
+    rivals = [
+        ("one bounce, default calls", lambda: embree.picture(world, view, False), "Embree; all in one kernel"),
+        ("one bounce, coherent", lambda: embree.picture(world, view, True), "Embree; all in one kernel"),
+        ("one bounce, coherent, in stages", staged, "Embree; first hits, ray_traced, composite"),
+    ]
+    return Comparison(
+        "frame", ours, [Rival(name, work, f"{note}; {_difference(stage, drawn, work())}") for name, work, note in rivals]
+    )
+
+
+def _shade(name: str, ours: str, stage: Stage, world: embree.World) -> Comparison:
+    mine, traced = method(ours), method("ray_traced")
+    frame, state, traced_state = stage.frame, stage.warmed(mine), stage.warmed(traced)
+    shown = mine.shade(state, frame)[0].L
+    rivals = {
+        _DEFAULT: lambda: embree.reflection(world, frame, False),
+        "ray_traced": lambda: answer(traced.shade(traced_state, frame)),
+    }
+    return Comparison(name, lambda: answer(mine.shade(state, frame)), _differences(stage, shown, rivals))
+
+
+def _moving(stage: Stage, world: embree.World) -> Comparison:
+    search, traced = method("image_space_search"), method("ray_traced")
+    frame, state, traced_state = stage.frame, stage.warmed(search), stage.warmed(traced)
+
+    def renewed(mine: Method, before: Any) -> tuple:
+        return answer(mine.shade(mine.update(before, frame), frame))
+
+    def default() -> tuple:
+        embree.move(world, frame.poses)
+        return embree.reflection(world, frame, False)
+
+    shown = renewed(search, state)[0]
+    rivals = {_DEFAULT: default, "ray_traced": lambda: renewed(traced, traced_state)}
+    return Comparison("moving", lambda: renewed(search, state), _differences(stage, shown, rivals, "; hierarchy built anew"))
+
+
+_DEFAULT = "ray_traced, default call"
+_HOW = {_DEFAULT: "the same rays without the hint `coherent`", "ray_traced": "coherent rays"}
+
+
+def _same_points(stage: Stage, p: Any) -> str:
+    off = np.linalg.norm(np.array(p) - np.array(stage.frame.p), axis=0)[np.array(stage.frame.active)]
+    return f"{np.mean(off < CLOSE_M):.3%} of the mirror's points are ours" if len(off) else "no mirror in view"
+
+
+def _difference(stage: Stage, ours: Any, other: Any) -> str:
+    """How far two pictures are apart inside the mirror."""
+    mask = np.array(stage.frame.active).reshape(stage.size[1], stage.size[0])
+    pictures = stage.pixels(ours), stage.pixels(other)
+    flip = metrics.flip_map(*pictures, mask, ppd=stage.scene.ppd, exposure=stage.scene.exposure)[mask]
+    return f"FLIP to ours {flip.mean():.4f}" if mask.any() else "no mirror in view"
+
+
+def _differences(stage: Stage, ours: Any, others: dict[str, Work], also: str = "") -> list[Rival]:
+    """Rivals whose works return radiance first, each beside what ours returned; `also` goes into their notes."""
+    shown = stage.renderer.compose(stage.frame, ours)
+    rivals = []
+    for name, work in others.items():
+        apart = _difference(stage, shown, stage.renderer.compose(stage.frame, work()[0]))
+        rivals.append(Rival(name, work, f"{_HOW[name]}{also}; {apart}"))
+    return rivals
+
+
+def run(
+    compared: Sequence[Comparison], rounds: int, watch: Callable[[int], None]
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Rows of speed.csv and of samples.csv."""
+    works = {(c.name, OURS): c.ours for c in compared}
+    works |= {(c.name, r.name): r.work for c in compared for r in c.rivals if r.work is not None}
+    times, cold = interleaved(works, rounds, watch)
+    rows = []
+    for comparison in compared:
+        ours = times[comparison.name, OURS]
+        for rival in comparison.rivals:
+            key = (comparison.name, rival.name)
+            row: dict[str, Any] = {"name": comparison.name, "ours_ms": np.median(ours), "rival": rival.name}
+            if rival.work is not None:
+                ratio, low, high = ratio_interval(times[key], ours)
+                row |= {"rival_ms": np.median(times[key]), "ratio": ratio, "ratio_lo": low, "ratio_hi": high}
+            late = [side for side, k in ((OURS, (comparison.name, OURS)), ("rival", key)) if k in cold]
+            row["note"] = "; ".join([rival.note, *(f"{side} compiled in every call" for side in late)])
+            rows.append(row)
+    samples = [
+        {"name": name, "side": side, "round": i, "ms": ms} for (name, side), all_ in times.items() for i, ms in enumerate(all_)
+    ]
+    return rows, samples

@@ -1,0 +1,149 @@
+"""How fast is it really: our stages and whole frames against Embree's and llvmpipe's, on this machine, in one sitting.
+
+`python -m benchharness.speed` times the kitchen: everything warm, in interleaved rounds. What is compared with what is in
+`benchharness.rivals`, what `--vertices` adds in `benchharness.tessellation`. Into the folder go
+
+    speed.csv          a row per rival: medians, how many times as long the rival takes, with its 95 % interval
+    samples.csv        every time behind them
+    vertices.csv       a row per tessellation or method beside it; vertices-fit.csv, vertices-samples.csv, vertices.png
+    environment.json   machine, software, and what was asked for
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from benchharness import platform, results
+from benchharness.scene import Scene, refined
+
+COLUMNS = "name ours_ms rival rival_ms ratio ratio_lo ratio_hi note".split()
+"""Columns of speed.csv: medians over rounds; ratio = rival_ms / ours_ms, so that above 1 ours is faster."""
+SAMPLE_COLUMNS = "name side round ms".split()
+VARIANT = "llvm_ad_rgb"  # Embree's
+WRONG_INPUT, BROKEN_ENVIRONMENT = 2, 5
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+def kitchen(detail: str, moving: bool = False) -> Scene:
+    """The scene that everything is timed on, baked and not yet refined."""
+    from benchharness import plugins
+    from benchharness.bake import bake
+
+    return bake(plugins.look_up("kitchen", plugins.discover("scene"), "speed").target(detail=detail, moving=moving))
+
+
+def speed(out: Path, size: tuple[int, int], frame: int, detail: str, rounds: int, vertices: bool, console: Console) -> None:
+    """Times, prints and writes everything. Raises ValueError for numbers that make no sense and a folder in use."""
+    for name, value, least in (("width", size[0], 1), ("height", size[1], 1), ("frame", frame, 0), ("rounds", rounds, 2)):
+        if value < least:
+            raise ValueError(f"speed: {name} is {value}; accepted: whole numbers from {least}")
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise ValueError(f"--out {out} is in use; accepted: an empty or a new folder")
+    platform.use_variant(VARIANT)
+    import drjit as dr
+
+    from benchharness import llvmpipe, rivals
+
+    # Kernels are recorded for every scene and every side, which is more often than Dr.Jit finds natural, and warns.
+    dr.set_log_level(dr.LogLevel.Error)
+    still, moving = kitchen(detail), kitchen(detail, moving=True)
+    if frame >= still.frames:
+        raise ValueError(f"speed: frame is {frame}; accepted: 0 to {still.frames - 1}")
+    out.mkdir(parents=True, exist_ok=True)
+    with platform.alone(console.print):
+        drawn = refined(still)
+        try:
+            gl = llvmpipe.Llvmpipe(drawn, drawn.time(frame), size)
+        except llvmpipe.Unavailable as error:
+            gl = str(error)
+        compared = rivals.comparisons(drawn, refined(moving), size, frame, gl)
+        with console.status("") as status:
+            rows, samples = rivals.run(compared, rounds, lambda done: status.update(f"round {done} of {rounds}"))
+        renderer = None if isinstance(gl, str) else gl.renderer
+        if not isinstance(gl, str):
+            gl.close()
+        write_csv(out / "speed.csv", rows, COLUMNS)
+        write_csv(out / "samples.csv", samples, SAMPLE_COLUMNS)
+        asked = {"size": list(size), "frame": frame, "detail": detail, "rounds": rounds, "triangles": drawn.triangles}
+        results.write_environment(out, {**results.environment(VARIANT), "opengl": renderer, "speed": asked})
+        console.print(table(rows))
+        if vertices:
+            _vertices(out, size, frame, rounds, console)
+    console.print(str(out))
+
+
+def _vertices(out: Path, size: tuple[int, int], frame: int, rounds: int, console: Console) -> None:
+    from benchharness import tessellation
+
+    with console.status("") as status:
+        found = tessellation.study({d: kitchen(d) for d in ("lean", "paper")}, size, frame, rounds, status.update)
+    write_csv(out / "vertices.csv", found.rows, tessellation.COLUMNS)
+    write_csv(out / "vertices-fit.csv", found.fits, tessellation.FIT_COLUMNS)
+    write_csv(out / "vertices-samples.csv", found.samples, tessellation.SAMPLE_COLUMNS)
+    tessellation.chart(found, out / "vertices.png")
+    console.print(plain_table(found.rows, ("detail", "method", "vertices", "shade_ms", "flip")))
+    console.print(plain_table(found.fits, tessellation.FIT_COLUMNS))
+
+
+def write_csv(path: Path, rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> None:
+    """Numbers by `repr`, as in results.csv; what a row lacks is empty."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    for row in rows:
+        values = (row.get(name, "") for name in columns)
+        writer.writerow([value.item() if hasattr(value, "item") else value for value in values])
+    results.write_atomic(path, text.getvalue())
+
+
+def table(rows: Iterable[Mapping[str, Any]]) -> Table:
+    """Without the notes, but for what could not be timed."""
+    shown = Table("", "ours ms", "rival", "rival ms", "ratio", "95 %")
+    last = None
+    for row in rows:
+        name, last = ("" if row["name"] == last else row["name"]), row["name"]
+        numbers = ("", "", row["note"])
+        if "ratio" in row:
+            numbers = f"{row['rival_ms']:.2f}", f"{row['ratio']:.2f}", f"{row['ratio_lo']:.2f} to {row['ratio_hi']:.2f}"
+        shown.add_row(name, f"{row['ours_ms']:.2f}", row["rival"], *numbers)
+    return shown
+
+
+def plain_table(rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> Table:
+    shown = Table(*columns)
+    for row in rows:
+        values = (row.get(name, "") for name in columns)
+        shown.add_row(*(f"{value:.3f}" if isinstance(value, float) else str(value) for value in values))
+    return shown
+
+
+@app.command()
+def main(
+    out: Annotated[Path | None, typer.Option(help="folder; a new one under results/runs if not given")] = None,
+    size: Annotated[tuple[int, int], typer.Option(metavar="W H", help="pixels")] = (720, 512),
+    frame: Annotated[int, typer.Option(help="of the kitchen; at 62 the bowl fills a quarter")] = 62,
+    detail: Annotated[str, typer.Option(help="lean or paper")] = "paper",
+    rounds: Annotated[int, typer.Option(help="how often everything is timed")] = 60,
+    vertices: Annotated[bool, typer.Option("--vertices", help="also: time and error against the number of vertices")] = False,
+) -> None:
+    """Time the harness's own stages and whole frames against Embree and llvmpipe."""
+    folder = out or Path("results") / "runs" / f"speed-{datetime.now():%Y%m%d-%H%M%S}"
+    try:
+        speed(folder, size, frame, detail, rounds, vertices, Console())
+    except (ValueError, NotADirectoryError, PermissionError, platform.EnvironmentBroken) as error:
+        Console(stderr=True, soft_wrap=True).print(f"error: {error}", style="red", markup=False, highlight=False)
+        raise typer.Exit(BROKEN_ENVIRONMENT if isinstance(error, platform.EnvironmentBroken) else WRONG_INPUT) from None
+
+
+if __name__ == "__main__":
+    app()

@@ -1,0 +1,277 @@
+"""The rivals see what we see, rounds are interleaved, ratios are of rounds, and the command writes what it says."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from dataclasses import replace
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import pytest
+from small_room import small_room
+from typer.testing import CliRunner
+
+from benchharness import embree, llvmpipe, reference, rivals, speed, stage, tessellation
+from benchharness.bake import bake
+from benchharness.scene import Scene, refined
+
+SIZE = (48, 32)
+FRAME = 2
+
+
+def sliding(time: float) -> np.ndarray:
+    pose = np.eye(4)
+    pose[0, 3] = 5.0 * time  # 0.2 m per frame
+    return pose
+
+
+@pytest.fixture(scope="module")
+def room(variant) -> Scene:
+    return replace(bake(small_room(0.7), spp=16), frames=3)
+
+
+@pytest.fixture(scope="module")
+def moving_room(room) -> Scene:
+    objects = [replace(o, motion=sliding) if o.name == "red" else o for o in room.objects]
+    return replace(room, objects=tuple(objects))
+
+
+@pytest.fixture(scope="module")
+def seen(room) -> stage.Stage:
+    return stage.Stage(room, SIZE, FRAME)
+
+
+@pytest.fixture(scope="module")
+def world(seen) -> embree.World:
+    return embree.build(seen.scene, seen.frame.time)
+
+
+# Embree
+
+
+def test_embree_finds_the_first_hits_that_the_rasterizer_finds(seen, world):
+    frame = seen.frame
+    traced = embree.gbuffer(world, frame.view, frame)
+    assert np.mean(np.array(frame.active)) > 0.1
+    same = np.array(traced.reflector) == np.array(frame.reflector)
+    assert same.mean() > 0.999  # but for a ray along an edge
+    for name, tolerance in (("p", 1e-4), ("n", 1e-3), ("v", 1e-4), ("radiance", 1e-3)):
+        off = np.abs(np.array(getattr(traced, name)) - np.array(getattr(frame, name))).max(axis=0)[same]
+        # v is asked for where a mirror is seen; directly seen edges may go to either triangle.
+        assert np.mean(off[np.array(frame.active)[same]] < tolerance) == 1, name
+        if name == "radiance":
+            assert np.mean(off < tolerance) > 0.99
+    np.testing.assert_array_equal(np.array(traced.pixels), np.flatnonzero(np.array(traced.active)))
+
+
+def test_all_ways_to_ask_embree_meet_the_same_points(seen, world):
+    frame = seen.frame
+    active = np.array(frame.active)
+    for p in (embree.interactions(world, frame.view).p, embree.essentials(world, frame.view)[1]):
+        np.testing.assert_allclose(np.array(p)[:, active], np.array(frame.p)[:, active], atol=1e-4)
+
+
+@pytest.mark.parametrize("coherent", [True, False])
+def test_reflections_and_whole_pictures_are_those_of_ray_traced(seen, world, coherent):
+    method = stage.method("ray_traced")
+    frame = seen.frame
+    expected = method.shade(seen.warmed(method), frame)[0]
+    L, distance = embree.reflection(world, frame, coherent)
+    active = np.array(frame.active)
+    np.testing.assert_allclose(np.array(L)[:, active], np.array(expected.L)[:, active], atol=1e-3)
+    np.testing.assert_allclose(np.array(distance)[active], np.array(expected.distance)[active], rtol=1e-4)
+    image, whole = (np.array(seen.renderer.compose(frame, expected.L)), np.array(embree.picture(world, frame.view, coherent)))
+    close = np.abs(image - whole).max(axis=0) < 1e-2
+    assert close.mean() > 0.99  # but for rays along edges
+    assert close[active].mean() > 0.98
+
+
+def test_moving_the_world_moves_what_its_mirrors_show(moving_room):
+    moved = stage.Stage(moving_room, SIZE, FRAME)
+    method = stage.method("ray_traced")
+    expected = np.array(method.shade(moved.warmed(method), moved.frame)[0].L)
+    world = embree.build(moving_room, 0.0)
+    before = np.array(embree.reflection(world, moved.frame, True)[0])
+    assert np.abs(before - expected).max() > 0.1
+    embree.move(world, moved.frame.poses)
+    np.testing.assert_allclose(np.array(embree.reflection(world, moved.frame, True)[0]), expected, atol=1e-3)
+
+
+# llvmpipe
+
+
+def test_llvmpipe_draws_what_the_rasterizer_draws(room, seen):
+    try:
+        gl = llvmpipe.Llvmpipe(room, seen.frame.time, SIZE)
+    except llvmpipe.Unavailable as error:
+        pytest.skip(str(error))
+    frame = seen.frame
+    gl.draw(3)
+    part, p, n, radiance = gl.read(3)
+    mirror = part >= len(room.objects)
+    assert np.mean(mirror == np.array(frame.active)) > 0.999
+    both = mirror & np.array(frame.active)
+    np.testing.assert_allclose(p[both], np.array(frame.p).T[both], atol=1e-4)
+    np.testing.assert_allclose(n[both], np.array(frame.n).T[both], atol=1e-3)
+    assert np.mean(np.abs(radiance - np.array(frame.radiance).T).max(axis=1) < 1e-2) > 0.99
+    gl.draw(2)
+    np.testing.assert_allclose(gl.read(2)[2], n + radiance, atol=1e-6)
+    gl.close()
+
+
+def test_without_moderngl_llvmpipe_says_how_to_get_it(room, monkeypatch):
+    monkeypatch.setitem(sys.modules, "moderngl", None)
+    with pytest.raises(llvmpipe.Unavailable, match=r"benchharness\[speed\]"):
+        llvmpipe.Llvmpipe(room, 0.0, SIZE)
+
+
+# Rounds and ratios
+
+
+def test_rounds_time_every_work_in_turn(variant):
+    called, told = [], []
+
+    def work(name: str):
+        def call() -> mi.Float:
+            called.append(name)
+            return dr.opaque(mi.Float, 1.0, 8)
+
+        return call
+
+    times, cold = stage.interleaved({name: work(name) for name in "abc"}, 4, told.append)
+    assert called[-12:] == list("abcabcabcabc")
+    assert {name: len(values) for name, values in times.items()} == {"a": 4, "b": 4, "c": 4}
+    assert not cold
+    assert told[-1] == 4
+
+
+def test_a_work_that_compiles_in_every_call_is_named(variant):
+    number = iter(range(1000))
+    _, cold = stage.interleaved({"new": lambda: dr.arange(mi.Float, 8) * (1.5 + next(number))}, 2, lambda done: None)
+    assert cold == {"new"}
+
+
+def test_a_method_comes_warm(seen):
+    method = stage.method("image_space_search")
+    steps = [
+        int(np.array(method.shade(state, seen.frame)[0].counters["iterations"], np.int64).sum())
+        for state in (method.update(method.prepare(seen.scene), seen.frame), seen.warmed(method))
+    ]
+    assert steps[1] < steps[0]
+
+
+def test_ratios_are_taken_over_rounds():
+    # A machine that slows both sides down alike, from round to round by up to 5: the ratio of medians is 2 in every draw.
+    ours = np.random.default_rng(3).uniform(1, 5, 31)
+    assert stage.ratio_interval(2 * ours, ours) == pytest.approx((2.0, 2.0, 2.0))
+
+
+def test_the_interval_of_a_ratio_holds_the_ratio_and_narrows_with_rounds():
+    random = np.random.default_rng(5)
+    widths = []
+    for rounds in (10, 1000):
+        ratio, low, high = stage.ratio_interval(random.normal(6, 0.5, rounds), random.normal(2, 0.2, rounds))
+        assert low < ratio < high
+        assert low < 3 < high
+        widths.append(high - low)
+    assert widths[1] < 0.3 * widths[0]
+
+
+# Tessellation
+
+
+def test_subdivision_changes_no_reference(room):
+    time = room.time(FRAME)
+    options = reference.ReferenceOptions(spp=2)
+    fine = refined(replace(room, h_max=0.2))
+    assert fine.vertices > 2 * room.vertices
+    images = [reference.render(scene, time, SIZE, options).image for scene in (room, fine)]
+    assert np.mean(np.abs(images[0] - images[1]).max(axis=2) < 1e-3) > 0.99  # but for rays along new edges
+
+
+def test_tessellations_have_about_the_vertices_that_were_asked_for(room):
+    found = tessellation.tessellations(room, (100, room.vertices - 1, 5_000, 8_000))
+    assert [s.source["split_at"] is None for s in found] == [True, False, False]
+    assert found[0].vertices == room.vertices
+    for scene, target in zip(found[1:], (5_000, 8_000), strict=True):
+        assert scene.vertices == pytest.approx(target, rel=0.2)
+
+
+def test_the_fit_finds_a_line():
+    rows = [{"vertices": n, "shade_ms": 3.0 + 0.25e-3 * n} for n in (1_000, 4_000, 20_000)]
+    found = tessellation.fit(rows)
+    assert found == pytest.approx({"ms_per_1000_vertices": 0.25, "intercept_ms": 3.0, "r2": 1.0, "points": 3})
+    assert tessellation.fit(rows[:1]) == {"points": 1}
+
+
+def test_the_study_sees_the_error_fall_with_the_vertices(room, tmp_path):
+    found = tessellation.study({"lean": room}, (96, 64), FRAME, 2, lambda text: None, targets=(100, 6_000))
+    coarse, fine, *levels = found.rows
+    assert fine["vertices"] > 2 * coarse["vertices"]
+    assert fine["flip"] < 0.7 * coarse["flip"]
+    assert [row["method"] for row in levels] == list(tessellation.LEVELS)
+    assert levels[1]["flip"] < fine["flip"] < levels[0]["flip"]  # traced < searched < environment map
+    assert found.fits[0]["points"] == 2
+    assert len(found.samples) == 4 * 2
+    tessellation.chart(found, tmp_path / "chart.png")
+    assert (tmp_path / "chart.png").stat().st_size > 10_000
+
+
+# The command
+
+
+def rows_of(path) -> list[dict[str, str]]:
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_the_command_writes_every_comparison_with_its_samples(room, moving_room, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "moderngl", None)
+    monkeypatch.setattr(speed, "kitchen", lambda detail, moving=False: moving_room if moving else room)
+    out = tmp_path / "run"
+    arguments = ["--out", str(out), "--size", *map(str, SIZE), "--frame", str(FRAME), "--rounds", "3"]
+    done = CliRunner().invoke(speed.app, arguments)
+    assert done.exit_code == 0, done.output
+    rows, samples = rows_of(out / "speed.csv"), rows_of(out / "samples.csv")
+    assert list(rows[0]) == speed.COLUMNS
+    assert list(samples[0]) == speed.SAMPLE_COLUMNS
+    assert list(dict.fromkeys(row["name"] for row in rows)) == [
+        *("gbuffer", "raster", "frame", "shade", "moving", "environment_map")
+    ]
+    for row in rows:
+        sides = {side: [float(s["ms"]) for s in samples if (s["name"], s["side"]) == (row["name"], side)]
+                 for side in (rivals.OURS, row["rival"])}  # fmt: skip
+        assert float(row["ours_ms"]) == np.median(sides[rivals.OURS])
+        if row["name"] == "raster":
+            assert "moderngl" in row["note"]
+            assert row["rival_ms"] == row["ratio"] == row["ratio_lo"] == row["ratio_hi"] == ""
+            continue
+        assert len(sides[rivals.OURS]) == len(sides[row["rival"]]) == 3
+        assert float(row["rival_ms"]) == np.median(sides[row["rival"]])
+        assert float(row["ratio"]) == pytest.approx(float(row["rival_ms"]) / float(row["ours_ms"]))
+        assert float(row["ratio_lo"]) <= float(row["ratio"]) <= float(row["ratio_hi"])
+    environment = json.loads((out / "environment.json").read_text())
+    assert environment["opengl"] is None
+    assert environment["speed"]["size"] == list(SIZE)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [(["--rounds", "1"], "rounds is 1"), (["--size", "0", "5"], "width is 0"), (["--frame", "7"], "accepted: 0 to 2")],
+)
+def test_what_makes_no_sense_is_refused(arguments, complaint, room, tmp_path, monkeypatch):
+    monkeypatch.setattr(speed, "kitchen", lambda detail, moving=False: room)
+    done = CliRunner().invoke(speed.app, ["--out", str(tmp_path / "run"), *arguments])
+    assert done.exit_code == 2
+    assert complaint in done.output
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_folder_in_use_is_refused(tmp_path):
+    (tmp_path / "kept.txt").write_text("mine")
+    done = CliRunner().invoke(speed.app, ["--out", str(tmp_path)])
+    assert done.exit_code == 2
+    assert "in use" in done.output
