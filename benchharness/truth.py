@@ -8,7 +8,7 @@ coordinates, solved by Newton's method with numerical derivatives. A vertex may 
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from benchharness.scene import Camera
 
@@ -54,7 +54,7 @@ def reflection_points(
     facing = (to_eye * centre_n).sum(axis=1) > 0
     candidates = min(candidates, len(faces))
     chosen = np.empty((len(V), 2 * candidates), np.int64)
-    chosen[:, candidates:] = cKDTree(centre).query(near, candidates)[1].reshape(len(V), candidates)
+    chosen[:, candidates:] = KDTree(centre).query(near, candidates)[1].reshape(len(V), candidates)
     for i in range(len(V)):
         s = to_eye + _unit(V[i] - centre)
         agreement = np.where(facing, (s * centre_n).sum(axis=1) / np.maximum(np.linalg.norm(s, axis=1), 1e-12), -1)
