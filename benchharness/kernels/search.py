@@ -29,6 +29,7 @@ DIAGONALS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 WINDOW_STEP = 64  # pixels
 CODE_OFFSET = 1 << 14  # pixels; a texel's place in the picture plus this fits 16 bits
 CERTAIN = 1.0  # texels; a search that ended on the best texel leaves at most half a texel per axis, plus the curvature's part
+KEPT = 0.1  # texels; how far from where the rates put it the reflection point may still be
 OUTSIDE = -8.0  # below every score: "sq" lies in [-4, 0], "dot" in [-1, 1]
 
 
@@ -262,8 +263,9 @@ def around(texels, view, column, row, vertex: mi.Point3f, active):
 def least_squares(f: mi.Vector3f, a: mi.Vector3f, b: mi.Vector3f) -> tuple[mi.Float, mi.Float, mi.Bool]:
     """(x, y) that minimise |f + x a + y b|, within one texel each, and whether they explain f.
 
-    The last is True where the solution lies within CERTAIN texels and leaves less of f than the step of one texel would
-    change it: then R is where the texture says that it is, and not where the search merely stopped.
+    The last is True where the solution lies within CERTAIN texels and leaves less of f than half the step of one texel,
+    in the direction in which it changes less, would change it: then R is where the texture says that it is, and not
+    where the search merely stopped.
     """
     aa, ab, bb, af, bf = dr.dot(a, a), dr.dot(a, b), dr.dot(b, b), dr.dot(a, f), dr.dot(b, f)
     det = aa * bb - ab * ab
@@ -271,7 +273,7 @@ def least_squares(f: mi.Vector3f, a: mi.Vector3f, b: mi.Vector3f) -> tuple[mi.Fl
     scale = dr.select(usable, dr.rcp(dr.select(usable, det, 1)), 0)
     x, y = (ab * bf - bb * af) * scale, (ab * af - aa * bf) * scale
     left = dr.squared_norm(f + x * a + y * b)
-    explained = usable & (dr.abs(x) <= CERTAIN) & (dr.abs(y) <= CERTAIN) & (left <= 0.25 * dr.maximum(aa, bb))
+    explained = usable & (dr.abs(x) <= CERTAIN) & (dr.abs(y) <= CERTAIN) & (left <= 0.25 * dr.minimum(aa, bb))
     return dr.clip(x, -1, 1), dr.clip(y, -1, 1), explained
 
 
@@ -322,9 +324,12 @@ def find(kind, neighbourhood, subtexel: bool, texels, view, vertex, column, row,
     )
     covered = fetch(texels, view, column, row, active)[0]
     x, y, explained = least_squares(difference, d_column, d_row)
-    certain = explained & complete & settled
+    # Across a fold of the mirror the rates mean nothing, and what they promise does not come true.
+    refined = between(view, R, n, p_column, p_row, n_column, n_row, column, row, x, y)
+    step = dr.minimum(dr.squared_norm(d_column), dr.squared_norm(d_row))
+    kept = dr.squared_norm(mismatch(*refined, view.eye, vertex)[0]) <= dr.square(KEPT) * step
+    certain = explained & complete & settled & kept
     if subtexel:
-        refined = between(view, R, n, p_column, p_row, n_column, n_row, column, row, x, y)
         R, n = dr.select(complete, refined[0], R), dr.select(complete, refined[1], n)
     in_front = dr.dot(vertex - R, n) > 0
     reflected = active & covered & in_front
