@@ -155,7 +155,7 @@ class ImageSpaceSearch(Method):
             # What no triangle covers is the surroundings if the scene has any, else unanswered.
             sky = frame.active & ~found
             L, distance, found = dr.select(sky, state.surroundings, L), dr.select(sky, dr.inf, distance), frame.active
-        vertices = Vertices(**{name: dr.concat([r[name] for r in reports]) for name in reports[0] if name != "reads"})
+        vertices = Vertices(**{name: _joined([r[name] for r in reports]) for name in reports[0] if name != "reads"})
         counters = {"iterations": vertices.iterations, "texel_reads": dr.concat([r["reads"] for r in reports])}
         reflection = Reflection(L, distance, found, vertices, counters)
         return reflection, replace(state, ends=ends, view=frame.view)
@@ -207,7 +207,8 @@ def _search(
 
     region = dr.select(reflected, mi.UInt32(REFLECTED), dr.select(hidden, mi.UInt32(HIDDEN), mi.UInt32(UNKNOWN)))
     report = {
-        "R": R, "n": n, "virtual": image, "converged": found.converged, "valid": found.valid, "region": region,
+        "R": mi.Point3f(R), "n": mi.Normal3f(n), "virtual": mi.Point3f(image),
+        "converged": found.converged, "valid": found.valid, "region": region,
         "iterations": found.iterations, "residual": found.residual, "border": found.border, "reads": found.reads,
     }  # fmt: skip
     end = Ends(dr.select(reflected | hidden, window.code(found.column, found.row), COLD), mi.Float(0))
@@ -215,6 +216,14 @@ def _search(
         end.points = dr.empty(mi.Float, 3 * count)
         dr.scatter(end.points, R, lane)
     return images, end, report
+
+
+def _joined(arrays: list):
+    """The lanes of several arrays of one type, one after the other."""
+    kind = type(arrays[0])
+    if dr.depth_v(kind) == 1:
+        return dr.concat(arrays)
+    return kind(*(dr.concat([a[k] for a in arrays]) for k in range(len(arrays[0]))))
 
 
 def _cut(view: View, last: View) -> mi.Bool:

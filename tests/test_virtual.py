@@ -33,7 +33,8 @@ def coloured(mesh):
 def draw(made, moved, kind, at, cut: bool, whole: bool = False):
     """What mirror 0 shows of `made`: L [P, 3], distance [P], covered [P], and the frame.
 
-    whole      let the objects hide the mirror
+    In the frame, the objects hide no mirror unless `whole`.
+
     moved, at [V, 3], kind [V]: virtual positions, reflection points and kinds of the vertices of the objects
     """
     frame = FrameRenderer(made if whole else dataclasses.replace(made, objects=()), WIDTH, HEIGHT).render(0)
@@ -150,7 +151,7 @@ def test_an_image_behind_the_eye_draws_nothing():
     # Faces (0, 1, 2) and (0, 2, 3): one of them has vertex 1, both have vertex 0.
     for vertex, left in ((1, True), (0, False)):
         behind = moved.copy()
-        behind[vertex] = EYE + np.array([0.0, -1.0, 0.0])
+        behind[vertex] = EYE - np.array([0.0, 1.0, 0.0])
         assert draw(made, behind, kind, at, True)[2].any() == left
 
 

@@ -31,6 +31,7 @@ CODE_OFFSET = 1 << 14  # pixels; a texel's place in the picture plus this fits 1
 CERTAIN = 1.0  # texels; a search that ended on the best texel leaves at most half a texel per axis, plus the curvature's part
 BEND = 0.25  # square of the largest second difference, relative to the first over both sides, of a smooth texture
 STRAY = 0.3  # |half vector - normal| of an end that is no reflection; at outlines one texel turns the normal by up to this
+KEPT = 0.1  # texels; how far from where the rates put it the reflection point may still be
 OUTSIDE = -8.0  # below every score: "sq" lies in [-4, 0], "dot" in [-1, 1]
 
 
@@ -242,13 +243,13 @@ def climb(kind: str, neighbourhood: str, texels, view, vertex, column, row, stri
 def around(texels, view, column, row, vertex: mi.Point3f, active):
     """B - N at a texel and its rates of change per column and per row, with the point's own.
 
-    Returns (difference, d_column, d_row, p, n, p_column, p_row, n_column, n_row, complete): central differences over the
-    four neighbours, `complete` where all five are covered, B is defined at each and the surface is smooth between them.
+    Returns (difference, d_column, d_row, p, n, p_column, p_row, n_column, n_row, complete, smooth): central differences over
+    the four neighbours, `complete` where all five are covered and B is defined at each, `smooth` where both sides agree too.
     """
     covered, p, n = fetch(texels, view, column, row, active)
     centre, complete = mismatch(p, n, view.eye, vertex)
     complete &= covered
-    rates = []
+    rates, smooth = [], mi.Bool(True)
     for dx, dy in ((1, 0), (0, 1)):
         ends = []
         for side in (1, -1):
@@ -256,19 +257,20 @@ def around(texels, view, column, row, vertex: mi.Point3f, active):
             difference, defined = mismatch(q, m, view.eye, vertex)
             complete &= covered & defined
             ends.append((difference, q, mi.Vector3f(m)))
-        # Where the two sides change at different rates, a step or an outline lies between: no rate to go by.
+        # Where the two sides change at different rates, a step or an outline lies between.
         bend, turn = ends[0][0] + ends[1][0] - 2 * centre, ends[0][0] - ends[1][0]
-        complete &= dr.squared_norm(bend) <= BEND * dr.squared_norm(turn)
+        smooth &= dr.squared_norm(bend) <= BEND * dr.squared_norm(turn)
         rates.append([0.5 * (a - b) for a, b in zip(*ends, strict=True)])
     (dc, pc, nc), (dr_, pr, nr) = rates
-    return centre, dc, dr_, p, n, pc, pr, nc, nr, complete
+    return centre, dc, dr_, p, n, pc, pr, nc, nr, complete, complete & smooth
 
 
 def least_squares(f: mi.Vector3f, a: mi.Vector3f, b: mi.Vector3f) -> tuple[mi.Float, mi.Float, mi.Bool]:
     """(x, y) that minimise |f + x a + y b|, within one texel each, and whether they explain f.
 
-    The last is True where the solution lies within CERTAIN texels and leaves less of f than the step of one texel would
-    change it: then R is where the texture says that it is, and not where the search merely stopped.
+    The last is True where the solution lies within CERTAIN texels and leaves less of f than half the step of one texel,
+    in the direction in which it changes less, would change it: then R is where the texture says that it is, and not
+    where the search merely stopped.
     """
     aa, ab, bb, af, bf = dr.dot(a, a), dr.dot(a, b), dr.dot(b, b), dr.dot(a, f), dr.dot(b, f)
     det = aa * bb - ab * ab
@@ -276,7 +278,7 @@ def least_squares(f: mi.Vector3f, a: mi.Vector3f, b: mi.Vector3f) -> tuple[mi.Fl
     scale = dr.select(usable, dr.rcp(dr.select(usable, det, 1)), 0)
     x, y = (ab * bf - bb * af) * scale, (ab * af - aa * bf) * scale
     left = dr.squared_norm(f + x * a + y * b)
-    explained = usable & (dr.abs(x) <= CERTAIN) & (dr.abs(y) <= CERTAIN) & (left <= 0.25 * dr.maximum(aa, bb))
+    explained = usable & (dr.abs(x) <= CERTAIN) & (dr.abs(y) <= CERTAIN) & (left <= 0.25 * dr.minimum(aa, bb))
     return dr.clip(x, -1, 1), dr.clip(y, -1, 1), explained
 
 
@@ -323,14 +325,17 @@ def find(kind, neighbourhood, subtexel: bool, texels, view, vertex, column, row,
     column, row, _, iterations, reads, settled = climb(
         kind, neighbourhood, texels, view, vertex, column, row, stride, active, max_iter
     )
-    difference, d_column, d_row, R, n, p_column, p_row, n_column, n_row, complete = around(
+    difference, d_column, d_row, R, n, p_column, p_row, n_column, n_row, complete, smooth = around(
         texels, view, column, row, vertex, active
     )
     covered = fetch(texels, view, column, row, active)[0]
     x, y, explained = least_squares(difference, d_column, d_row)
-    certain = explained & complete & settled
+    # Across a fold of the mirror the rates mean nothing, and what they promise does not come true.
+    refined = between(view, R, n, p_column, p_row, n_column, n_row, column, row, x, y)
+    step = dr.minimum(dr.squared_norm(d_column), dr.squared_norm(d_row))
+    kept = dr.squared_norm(mismatch(*refined, view.eye, vertex)[0]) <= dr.square(KEPT) * step
+    certain = explained & smooth & settled & kept
     if subtexel:
-        refined = between(view, R, n, p_column, p_row, n_column, n_row, column, row, x, y)
         R, n = dr.select(complete, refined[0], R), dr.select(complete, refined[1], n)
     in_front = dr.dot(vertex - R, n) > 0
     residual = dr.norm(mismatch(R, n, view.eye, vertex)[0])
