@@ -14,9 +14,11 @@ import pytest
 from small_room import small_room
 from typer.testing import CliRunner
 
-from benchharness import embree, llvmpipe, reference, rivals, speed, stage, tessellation
+from benchharness import reference
 from benchharness.bake import bake
 from benchharness.scene import Scene, refined
+from benchharness.speed import __main__ as speed
+from benchharness.speed import embree, llvmpipe, rivals, stage, tessellation
 
 SIZE = (48, 32)
 FRAME = 2

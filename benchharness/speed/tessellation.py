@@ -16,7 +16,7 @@ import numpy as np
 
 from benchharness import metrics, reference, timing
 from benchharness.scene import Scene, refined
-from benchharness.stage import Stage, answer, interleaved, method
+from benchharness.speed.stage import Stage, answer, interleaved, method
 
 SEARCH = "image_space_search"
 LEVELS = ("environment_map", "ray_traced")

@@ -20,10 +20,11 @@ from typing import Any
 
 import numpy as np
 
-from benchharness import embree, llvmpipe, metrics
+from benchharness import metrics
 from benchharness.api import Method
 from benchharness.scene import Scene
-from benchharness.stage import Stage, Work, answer, interleaved, method, ratio_interval
+from benchharness.speed import embree, llvmpipe
+from benchharness.speed.stage import Stage, Work, answer, interleaved, method, ratio_interval
 
 OURS = "ours"
 CLOSE_M = 1e-3  # two first hits nearer than this are the same

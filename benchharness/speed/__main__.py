@@ -1,7 +1,7 @@
 """How fast is it really: our stages and whole frames against Embree's and llvmpipe's, on this machine, in one sitting.
 
 `python -m benchharness.speed` times the kitchen: everything warm, in interleaved rounds. What is compared with what is in
-`benchharness.rivals`, what `--vertices` adds in `benchharness.tessellation`. Into the folder go
+`benchharness.speed.rivals`, what `--vertices` adds in `benchharness.speed.tessellation`. Into the folder go
 
     speed.csv          a row per rival: medians, how many times as long the rival takes, with its 95 % interval
     samples.csv        every time behind them
@@ -52,7 +52,7 @@ def speed(out: Path, size: tuple[int, int], frame: int, detail: str, rounds: int
     platform.use_variant(VARIANT)
     import drjit as dr
 
-    from benchharness import llvmpipe, rivals
+    from benchharness.speed import llvmpipe, rivals
 
     # Kernels are recorded for every scene and every side, which is more often than Dr.Jit finds natural, and warns.
     dr.set_log_level(dr.LogLevel.Error)
@@ -83,7 +83,7 @@ def speed(out: Path, size: tuple[int, int], frame: int, detail: str, rounds: int
 
 
 def _vertices(out: Path, size: tuple[int, int], frame: int, rounds: int, console: Console) -> None:
-    from benchharness import tessellation
+    from benchharness.speed import tessellation
 
     with console.status("") as status:
         found = tessellation.study({d: kitchen(d) for d in ("lean", "paper")}, size, frame, rounds, status.update)
