@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import drjit as dr
 import numpy as np
 
 from benchharness import metrics, reference, results, timing, truth
@@ -102,6 +103,7 @@ class Bench:
             entry.before = state
             (reflection, state), ms = timing.timed(lambda state=state, frame=frame: entry.method.shade(state, frame))
             entry.first_ms = ms if entry.first_ms is None else entry.first_ms
+            _check_lanes(reflection, frame)
             image = self._picture(self.renderer.compose(frame, reflection.L))
             entry.shown.append((image, reflection))
         timing.warm_up(lambda: _timed_part(entry.method.shade(entry.before, frames[-1])))
@@ -263,6 +265,15 @@ class Bench:
                 error = metrics.flip_map(image, truth_.image, truth_.mask, ppd=scene.ppd, exposure=exposure)
                 for kind, pixels in (("image", metrics.tonemap(image, exposure)), ("error", metrics.error_picture(error))):
                     metrics.save_png(self.out / results.image_name(*names, kind, method, params), pixels)
+
+
+def _check_lanes(reflection: Reflection, frame: Frame) -> None:
+    """Raises ValueError for an answer that has neither one lane per pixel nor one for all."""
+    pixels = frame.view.width * frame.view.height
+    for name in ("L", "distance", "found"):
+        lanes = dr.width(getattr(reflection, name))
+        if lanes not in (1, pixels):
+            raise ValueError(f"{name} has {lanes} lanes; accepted: {pixels}, one per pixel")
 
 
 def run_up(index: int, frames: int) -> list[int]:

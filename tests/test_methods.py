@@ -130,6 +130,16 @@ def test_what_moves_changes_the_picture_as_if_it_had_been_there_from_the_start(n
     fresh = shaded(method, made, 1)[0]
     assert moved.same(fresh)
     both = still_there.active & moved.active
+    # The same places, built in instead of moved to: but for rounding, and what it does at edges.
+    built = replace(
+        made,
+        objects=tuple(replace(o, mesh=o.mesh.transformed(o.pose(1.0)), motion=None) for o in made.objects),
+        reflectors=tuple(replace(r, mesh=r.mesh.transformed(r.pose(1.0)), motion=None) for r in made.reflectors),
+    )
+    there = shaded(method, built, 1)[0]
+    assert (there.active != moved.active).sum() <= 2
+    off = np.abs(there.L - moved.L)[there.active & moved.active].max(axis=1)
+    assert (off > 0.01).mean() < 0.02
     assert (np.abs(still_there.L - moved.L)[both].max(axis=1) > 0.1).mean() > 0.02
 
 
@@ -465,7 +475,8 @@ def test_with_several_reflection_points_the_search_ends_and_its_flags_are_honest
     for field, value in vars(vertices).items():
         assert np.isfinite(np.array(value)).all(), field
     assert np.array(vertices.iterations).max() < 400
-    # It may be another reflection point than one would like, but it is one.
+    # It may be another reflection point than one would like, but it is one. A texel turns normals by some 0.05.
+    assert np.array(vertices.residual)[np.array(vertices.converged)].max() < 0.02
     off = off_px(answer, made)
     assert len(off) > 200
     known = off[np.isfinite(off)]

@@ -268,9 +268,8 @@ def around(texels, view, column, row, vertex: mi.Point3f, active):
 def least_squares(f: mi.Vector3f, a: mi.Vector3f, b: mi.Vector3f) -> tuple[mi.Float, mi.Float, mi.Bool]:
     """(x, y) that minimise |f + x a + y b|, within one texel each, and whether they explain f.
 
-    The last is True where the solution lies within CERTAIN texels and leaves less of f than half the step of one texel,
-    in the direction in which it changes less, would change it: then R is where the texture says that it is, and not
-    where the search merely stopped.
+    The last is True where the solution lies within CERTAIN texels and leaves less of f than the step of one texel would
+    change it: then R is where the texture says that it is, and not where the search merely stopped.
     """
     aa, ab, bb, af, bf = dr.dot(a, a), dr.dot(a, b), dr.dot(b, b), dr.dot(a, f), dr.dot(b, f)
     det = aa * bb - ab * ab
@@ -278,7 +277,7 @@ def least_squares(f: mi.Vector3f, a: mi.Vector3f, b: mi.Vector3f) -> tuple[mi.Fl
     scale = dr.select(usable, dr.rcp(dr.select(usable, det, 1)), 0)
     x, y = (ab * bf - bb * af) * scale, (ab * af - aa * bf) * scale
     left = dr.squared_norm(f + x * a + y * b)
-    explained = usable & (dr.abs(x) <= CERTAIN) & (dr.abs(y) <= CERTAIN) & (left <= 0.25 * dr.minimum(aa, bb))
+    explained = usable & (dr.abs(x) <= CERTAIN) & (dr.abs(y) <= CERTAIN) & (left <= 0.25 * dr.maximum(aa, bb))
     return dr.clip(x, -1, 1), dr.clip(y, -1, 1), explained
 
 
