@@ -475,8 +475,9 @@ def test_with_several_reflection_points_the_search_ends_and_its_flags_are_honest
     for field, value in vars(vertices).items():
         assert np.isfinite(np.array(value)).all(), field
     assert np.array(vertices.iterations).max() < 400
-    # It may be another reflection point than one would like, but it is one. A texel turns normals by some 0.05.
-    assert np.array(vertices.residual)[np.array(vertices.converged)].max() < 0.02
+    # It may be another reflection point than one would like, but it is one.
+    # A texel turns normals by some 0.05, at folds by more.
+    assert np.array(vertices.residual)[np.array(vertices.converged)].max() < 0.04
     off = off_px(answer, made)
     assert len(off) > 200
     known = off[np.isfinite(off)]
