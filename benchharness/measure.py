@@ -24,7 +24,7 @@ from benchharness.frame import FrameRenderer
 from benchharness.scene import Scene, refined
 
 RUN_UP = 2  # frames shaded before the one that is measured; jitter is a second difference and needs both
-VERTEX_SAMPLE = 250  # vertices per reflector whose true reflection point is solved for
+VERTEX_SAMPLE = 150  # vertices per reflector whose true reflection point is solved for
 WRONG_PX = 2.0  # further off than this is the wrong point, not an inaccurate one
 KERNEL_ROUNDS = 3
 

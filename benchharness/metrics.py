@@ -177,7 +177,7 @@ def save_png(path: str | Path, pixels: np.ndarray) -> None:
 
     if pixels.dtype != np.uint8 or pixels.ndim != 3 or pixels.shape[2] != 3:
         raise ValueError(f"save_png: pixels are {pixels.dtype} {pixels.shape}; accepted: uint8 [H, W, 3]")
-    Image.fromarray(pixels).save(path, format="PNG")
+    Image.fromarray(pixels).save(path, format="PNG", compress_level=3)
 
 
 def error_picture(error: np.ndarray) -> np.ndarray:

@@ -66,8 +66,8 @@ def fingerprint(scene: Scene, time: float, lighting: str) -> list:
     """All that `mitsuba_scene` reads of a scene, for content hashes."""
     content: list = [lighting, tuple(map(float, scene.background))]
     for part in scene.parts:
-        mesh = part.mesh
-        content += [part.pose(time), mesh.vertices, mesh.faces, mesh.normals]
+        mesh = part.mesh.transformed(part.pose(time))
+        content += [np.float32(mesh.vertices), mesh.faces, np.float32(mesh.normals)]  # Mitsuba's precision
         if isinstance(part, Reflector):
             content += ["reflector", part.eta, part.k]
         else:

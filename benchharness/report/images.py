@@ -63,7 +63,7 @@ def frames(view: SceneView, folder: Path) -> list[FrameShots]:
 
 
 def data_url(file: Path, width: int, coloured: bool = False) -> str | None:
-    """A picture as a data: URL, PNG or JPEG, whichever is shorter; None where the file is missing or is no picture.
+    """A picture as a data: URL (JPEG, colours not subsampled); None where the file is missing or is no picture.
 
     coloured   a picture of one channel is an error map of 0 .. 255 and is given magma's colours
     """
@@ -78,9 +78,6 @@ def data_url(file: Path, width: int, coloured: bool = False) -> str | None:
     image = image.convert("RGB")
     if image.width > width:
         image = image.resize((width, max(1, round(image.height * width / image.width))), Image.Resampling.LANCZOS)
-    found = []
-    for kind, options in (("jpeg", {"quality": 88, "subsampling": 0}), ("png", {"optimize": True})):
-        buffer = io.BytesIO()
-        image.save(buffer, kind, **options)
-        found.append(f"data:image/{kind};base64,{base64.b64encode(buffer.getvalue()).decode()}")
-    return min(found, key=len)
+    buffer = io.BytesIO()
+    image.save(buffer, "jpeg", quality=90, subsampling=0)
+    return f"data:image/jpeg;base64,{base64.b64encode(buffer.getvalue()).decode()}"
