@@ -8,7 +8,8 @@ EGSR 2006; sections 4 and 5.
 
 Assumes one reflection point per vertex, found on the reflector's closed stand-in. Fails where a vertex has several (concave
 and mixed mirrors: one is found, which one depends on the start), where triangles are long (the image of an edge is
-straight between its virtual end points), and shows no second bounce and not the reflector itself.
+straight between its virtual end points), and where the mirror's own wall stands between a vertex and its reflection point (no
+test for that: a bowl seen from inside shows what is behind it). Shows no second bounce and not the reflector itself.
 
 Where we differ:
 * `placement = "mirror"` is the paper's: V mirrored in the plane at the best texel. It multiplies the error of the texel by
