@@ -42,6 +42,8 @@ class _Entry:
     """State after the run-up and, if something moved, the update: what the measured frame is shaded from."""
     shown: list[tuple[np.ndarray, Reflection]] = field(default_factory=list)
     samples: dict[str, list[float]] = field(default_factory=dict)
+    error: np.ndarray | None = None
+    """FLIP map of the last frame."""
 
 
 class Bench:
@@ -190,9 +192,9 @@ class Bench:
         mask = truth_.mask & np.array(frames[-1].active).reshape(shape)
         found = np.broadcast_to(np.array(reflection.found), mask.size).reshape(shape)
         distance = np.broadcast_to(np.array(reflection.distance), mask.size).reshape(shape)
-        record: dict[str, Any] = metrics.evaluate(
-            image, truth_.image, mask, ppd=self.scene.ppd, exposure=self.scene.exposure, found=found
-        )
+        seen_at = {"ppd": self.scene.ppd, "exposure": self.scene.exposure}
+        entry.error = metrics.flip_map(image, truth_.image, mask, **seen_at)
+        record: dict[str, Any] = metrics.evaluate(image, truth_.image, mask, **seen_at, found=found, error=entry.error)
         record["distance_err"] = metrics.distance_error(distance, truth_.distance, mask & found)
         record["nonfinite_px"] += int((np.isnan(distance) & mask & found).sum())
         if len(references) > 1:
@@ -259,11 +261,11 @@ class Bench:
         names = (scene.name, scene.detail, index)
         metrics.save_png(self.out / results.image_name(*names, "reference"), metrics.tonemap(truth_.image, exposure))
         for name, entry in entries.items():
-            if entry.broken is None:
+            if entry.broken is None and entry.error is not None:
                 method, _, params = name.partition(" ")
                 image = entry.shown[-1][0]
-                error = metrics.flip_map(image, truth_.image, truth_.mask, ppd=scene.ppd, exposure=exposure)
-                for kind, pixels in (("image", metrics.tonemap(image, exposure)), ("error", metrics.error_picture(error))):
+                error = metrics.error_picture(entry.error)
+                for kind, pixels in (("image", metrics.tonemap(image, exposure)), ("error", error)):
                     metrics.save_png(self.out / results.image_name(*names, kind, method, params), pixels)
 
 

@@ -37,6 +37,7 @@ def evaluate(
     ppd: float,
     exposure: float,
     found: np.ndarray | None = None,
+    error: np.ndarray | None = None,
 ) -> dict[str, float | int | None]:
     """Errors of a picture inside the mask.
 
@@ -45,6 +46,7 @@ def evaluate(
     ppd               pixels per degree of visual angle
     exposure          stops
     found             bool [H, W], where the method had an answer
+    error             their `flip_map`, where it is at hand
 
     rmse          root of the mean squared difference of radiance times 2^exposure
     relmse        mean of (x - y)² / (y² + 1e-2)
@@ -63,7 +65,8 @@ def evaluate(
     if bad:
         return empty | {"coverage": coverage, "nonfinite_px": bad}
     x, y = image[mask].astype(np.float64), reference[mask].astype(np.float64)
-    flip = flip_map(image, reference, mask, ppd=ppd, exposure=exposure)[mask].astype(np.float64)
+    error = flip_map(image, reference, mask, ppd=ppd, exposure=exposure) if error is None else error
+    flip = error[mask].astype(np.float64)
     return {
         "rmse": float(np.sqrt(np.mean((x - y) ** 2)) * 2.0**exposure),
         "relmse": float(np.mean((x - y) ** 2 / (y**2 + RELMSE_EPS))),
