@@ -101,7 +101,7 @@ def face_of(d: mi.Vector3f) -> tuple[mi.UInt32, mi.Float, mi.Float]:
 
 def lookup(texels: mi.Float, n: int, d: mi.Vector3f, active=True) -> mi.Vector4f:
     """Bilinear value in direction d, of a map with n x n texels per face and a border."""
-    return _bilinear(Pyramid(texels, mi.UInt32(0)), *face_of(d), mi.UInt32(n), mi.UInt32(0), active)
+    return _bilinear(texels, *face_of(d), mi.UInt32(n), mi.UInt32(0), active)
 
 
 def coarser(texels: mi.Float, n: int) -> mi.Float:
@@ -155,14 +155,16 @@ def lookup_mip(maps: Pyramid, n: int, count: int, d: mi.Vector3f, level: mi.Floa
     lower = mi.UInt32(level)
     upper = dr.minimum(lower + 1, count - 1)
     face, u, v = face_of(d)
-    one, two = (_bilinear(maps, face, u, v, mi.UInt32(n) >> k, k, active) for k in (lower, upper))
+    first = [dr.gather(mi.UInt32, maps.starts, k, active) for k in (lower, upper)]
+    one = _bilinear(maps.texels, face, u, v, mi.UInt32(n) >> lower, first[0], active)
+    two = _bilinear(maps.texels, face, u, v, mi.UInt32(n) >> upper, first[1], active)
     return dr.lerp(one, two, level - mi.Float(lower))
 
 
-def _bilinear(maps: Pyramid, face, u, v, n: mi.UInt32, level: mi.UInt32, active) -> mi.Vector4f:
+def _bilinear(texels: mi.Float, face, u, v, n: mi.UInt32, first: mi.UInt32, active) -> mi.Vector4f:
     x, y = (u + 1) * (0.5 * mi.Float(n)) + 0.5, (v + 1) * (0.5 * mi.Float(n)) + 0.5
     column, row = dr.clip(mi.Int32(x), 0, mi.Int32(n)), dr.clip(mi.Int32(y), 0, mi.Int32(n))
     fx, fy = x - mi.Float(column), y - mi.Float(row)
-    base = dr.gather(mi.UInt32, maps.starts, level, active) + (face * (n + 2) + mi.UInt32(row)) * (n + 2) + mi.UInt32(column)
-    a, b, c, e = (dr.gather(mi.Vector4f, maps.texels, base + k, active) for k in (0, 1, n + 2, n + 3))
+    base = first + (face * (n + 2) + mi.UInt32(row)) * (n + 2) + mi.UInt32(column)
+    a, b, c, e = (dr.gather(mi.Vector4f, texels, base + k, active) for k in (0, 1, n + 2, n + 3))
     return dr.lerp(dr.lerp(a, b, fx), dr.lerp(c, e, fx), fy)

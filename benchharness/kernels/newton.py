@@ -1,0 +1,263 @@
+"""Newton's method for reflection points on a triangle mesh with interpolated normals: a manifold walk.
+
+On a triangle with corners p_k and normals n_k, P(b) = sum b_k p_k and N(b) = unit(sum b_k n_k). P reflects the vertex V to the
+eye E where the half vector h of the directions to both is N. The derivatives of h - N in two barycentric coordinates give
+a step within the triangle's plane; a step that leaves the triangle comes back to the mesh along the normal, by a ray, and
+goes on from the triangle that it meets. A step that does not bring h nearer to N is halved and tried again; a step that
+does doubles the next, up to a whole one.
+
+This finds roots, not minima of the path's length: on concave mirrors a reflection point may be a saddle or a maximum.
+After Jakob and Marschner 2012, "Manifold exploration"; the damping is that of Zeltner, Georgiev and Jakob 2020, "Specular
+manifold sampling". They return to the surface by rays from the eye, which near outlines land far away or miss.
+
+Positions are in the mirror's own space (`kernels.placement`), so that its ray hierarchy is built once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from benchharness.kernels.placement import Place, unit
+
+CANDIDATES = 192  # points of the mesh that a cold search chooses its start from
+LONGEST = 0.25  # of the mirror's size; a step that would be longer is cut
+LEAST_DAMPING = 1 / 64
+TOLERANCE = 0.004  # pixels; a search whose next step would be shorter has arrived
+TRUSTED = 0.25  # pixels; longest next step of an answer that calls itself converged
+NEAREST = 1e-5  # of the mirror's size; a vertex nearer to the mirror than this touches it
+
+
+@dataclass
+class Mesh:
+    """A mirror ready for walks.
+
+    scene       its triangles alone, for rays; object space
+    vertices    8 floats per vertex: position, 0, normal, 0
+    faces       4 integers per triangle
+    candidates  triangles spread over the mesh, at whose middles a search may start
+    size        of its bounding box's diagonal
+    convex      whether E sees no reflection of V exactly where the mirror stands between them
+    """
+
+    scene: Any
+    vertices: mi.Float
+    faces: mi.UInt32
+    candidates: mi.UInt32
+    size: mi.Float
+    convex: bool
+
+
+@dataclass
+class Where:
+    """Points of the mesh: triangle, and weights of its second and third corner."""
+
+    triangle: mi.UInt32
+    b: mi.Point2f
+
+
+@dataclass
+class Solution:
+    """One lane per vertex; mirror's space.
+
+    on          where on the mesh the walk ended
+    R, n        that point and its unit normal
+    converged   it is a reflection point: within a quarter pixel, with E and V in front
+    residual    |half vector - normal|
+    iterations  points at which normal and half vector were compared; 0 for inactive lanes
+    """
+
+    on: Where
+    R: mi.Point3f
+    n: mi.Normal3f
+    converged: mi.Bool
+    residual: mi.Float
+    iterations: mi.UInt32
+
+
+@dataclass
+class Point:
+    """A point of the mesh as Newton's method sees it.
+
+    P, N      position and unit normal
+    f         half vector - normal
+    step      Newton's step, in barycentric coordinates and in space
+    pixels    length of the step on the screen
+    front     whether E and V are in front
+    """
+
+    P: mi.Point3f
+    N: mi.Normal3f
+    f: mi.Float
+    step_b: mi.Vector2f
+    step: mi.Vector3f
+    pixels: mi.Float
+    front: mi.Bool
+
+
+def mesh(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray) -> Mesh:
+    """From host arrays [V, 3], [V, 3], [F, 3] in object space."""
+    surface = mi.Mesh("mirror", len(vertices), len(faces))
+    params = mi.traverse(surface)
+    params["vertex_positions"] = mi.Float(np.asarray(vertices, np.float32).ravel())
+    params["faces"] = mi.UInt32(np.asarray(faces, np.uint32).ravel())
+    params.update()
+    zero = np.zeros((len(vertices), 1))
+    packed = np.hstack([vertices, zero, normals, zero]).astype(np.float32)
+    quads = np.hstack([faces, np.zeros((len(faces), 1), faces.dtype)]).astype(np.uint32)
+    size = mi.Float(float(np.linalg.norm(np.ptp(vertices, axis=0))))
+    candidates = mi.UInt32(_spread(vertices, faces).astype(np.uint32))
+    dr.make_opaque(size, candidates)
+    scene = mi.load_dict({"type": "scene", "mirror": surface})
+    return Mesh(scene, mi.Float(packed.ravel()), mi.UInt32(quads.ravel()), candidates, size, is_convex(vertices, faces))
+
+
+def _spread(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """CANDIDATES triangles whose middles lie far from each other: each the farthest from those before it."""
+    middles = vertices[faces].mean(axis=1)
+    chosen = [0]
+    distance = np.linalg.norm(middles - middles[0], axis=1)
+    for _ in range(min(CANDIDATES, len(faces)) - 1):
+        chosen.append(int(distance.argmax()))
+        distance = np.minimum(distance, np.linalg.norm(middles - middles[chosen[-1]], axis=1))
+    return np.array(chosen)
+
+
+def is_convex(vertices: np.ndarray, faces: np.ndarray) -> bool:
+    """Whether the mesh is closed, wound outwards, and no vertex lies in front of any of its faces by more than rounding."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    n = np.cross(b - a, c - a)
+    length = np.linalg.norm(n, axis=1)
+    real = length > 1e-12 * np.ptp(vertices) ** 2
+    n, a = n[real] / length[real, None], a[real]
+    size = np.linalg.norm(np.ptp(vertices, axis=0))
+    total = np.abs((n * length[real, None]).sum(axis=0)).max()  # the area vectors of a closed mesh cancel
+    if total > 1e-6 * length.sum():
+        return False
+    return all((n[i : i + 512] @ vertices.T - (n[i : i + 512] * a[i : i + 512]).sum(1)[:, None]).max() < 1e-5 * size
+               for i in range(0, len(n), 512))  # fmt: skip
+
+
+def _corners(mirror: Mesh, triangle: mi.UInt32, active) -> tuple[list, list]:
+    face = dr.gather(mi.Vector4u, mirror.faces, triangle, active)
+    index = (face.x, face.y, face.z)
+    p = [dr.gather(mi.Vector4f, mirror.vertices, 2 * i, active).xyz for i in index]
+    return p, [dr.gather(mi.Vector4f, mirror.vertices, 2 * i + 1, active).xyz for i in index]
+
+
+def look(mirror: Mesh, where: Place, on: Where, active) -> Point:
+    """Everything that a step needs, at a point of the mesh."""
+    p, n = _corners(mirror, on.triangle, active)
+    e1, e2, n1, n2 = p[1] - p[0], p[2] - p[0], n[1] - n[0], n[2] - n[0]
+    P = p[0] + on.b.x * e1 + on.b.y * e2
+    raw = n[0] + on.b.x * n1 + on.b.y * n2
+    per_raw = dr.rcp(dr.maximum(dr.norm(raw), 1e-20))
+    N = raw * per_raw
+    to_E, to_V = where.eye - P, where.V - P
+    per_E, per_V = (dr.rcp(dr.maximum(dr.norm(d), NEAREST * mirror.size)) for d in (to_E, to_V))
+    w_E, w_V = to_E * per_E, to_V * per_V
+    s = w_E + w_V
+    per_s = dr.rcp(dr.maximum(dr.norm(s), 1e-6))
+    h = s * per_s
+    f = h - N
+
+    def rate(e, dn) -> mi.Vector3f:
+        """Change of h - N along the edge e, over which the normal changes by dn."""
+        ds = -per_E * (e - dr.dot(e, w_E) * w_E) - per_V * (e - dr.dot(e, w_V) * w_V)
+        turn = dn * per_raw
+        return per_s * (ds - dr.dot(ds, h) * h) - (turn - dr.dot(turn, N) * N)
+
+    # Two equations: what changes along either edge.
+    d1, d2 = rate(e1, n1), rate(e2, n2)
+    a, b, c, d = dr.dot(e1, d1), dr.dot(e1, d2), dr.dot(e2, d1), dr.dot(e2, d2)
+    y1, y2 = -dr.dot(e1, f), -dr.dot(e2, f)
+    det = a * d - b * c
+    usable = dr.abs(det) > 1e-9 * (dr.abs(a * d) + dr.abs(b * c))
+    per_det = dr.select(usable, dr.rcp(dr.select(usable, det, 1)), 0)
+    step_b = mi.Vector2f(y1 * d - y2 * b, y2 * a - y1 * c) * per_det
+    step = step_b.x * e1 + step_b.y * e2
+    length = dr.norm(step)
+    cut = dr.minimum(1, LONGEST * mirror.size * dr.rcp(dr.maximum(length, 1e-20)))
+    (x0, y0), (x1, y1) = where.pixel(P), where.pixel(P + step)
+    pixels = dr.select(usable, dr.norm(mi.Vector2f(x1 - x0, y1 - y0)), dr.inf)
+    front = (dr.dot(N, w_E) > 0) & (dr.dot(N, w_V) > 0)
+    return Point(mi.Point3f(P), mi.Normal3f(N), dr.norm(f), step_b * cut, mi.Vector3f(step * cut), pixels, front)
+
+
+def _inside(b: mi.Point2f) -> mi.Bool:
+    return (b.x >= 0) & (b.y >= 0) & (b.x + b.y <= 1)
+
+
+def _moved(mirror: Mesh, on: Where, at: Point, damping, active) -> tuple[Where, mi.Bool]:
+    """A step along the mesh, and whether it stays on it."""
+    b = mi.Point2f(on.b + damping * at.step_b)
+    stays = _inside(b)
+    leaves = active & ~stays
+    reach = damping * dr.norm(at.step) + 1e-5 * mirror.size
+    ray = mi.Ray3f(at.P + damping * at.step + reach * at.N, -mi.Vector3f(at.N))
+    ray.maxt = 3 * reach
+    hit = mirror.scene.ray_intersect_preliminary(ray, coherent=False, active=leaves)
+    met = leaves & hit.is_valid()
+    there = Where(
+        dr.select(met, hit.prim_index, on.triangle),
+        mi.Point2f(dr.select(met, hit.prim_uv.x, dr.select(stays, b.x, on.b.x)),
+                   dr.select(met, hit.prim_uv.y, dr.select(stays, b.y, on.b.y))),
+    )  # fmt: skip
+    return there, stays | met
+
+
+@dr.syntax
+def walk(mirror: Mesh, where: Place, first: Where, active, max_iter) -> Solution:
+    """Newton's steps from `first` until the next one would be shorter than TOLERANCE."""
+    on = Where(mi.UInt32(first.triangle), mi.Point2f(first.b))
+    at = look(mirror, where, on, active)
+    damping = mi.Float(1)
+    iterations = mi.UInt32(1)
+    running = active & (at.pixels > TOLERANCE) & (iterations < max_iter)
+    while dr.hint(running, label="walk along the mirror"):
+        there, stayed = _moved(mirror, on, at, damping, running)
+        new = look(mirror, where, there, running & stayed)
+        better = stayed & (new.f < at.f)
+        iterations += 1
+        on, at = dr.select(better, there, on), dr.select(better, new, at)
+        damping = dr.select(better, dr.minimum(1, 2 * damping), 0.5 * damping)
+        running &= (at.pixels > TOLERANCE) & (damping >= LEAST_DAMPING) & (iterations < max_iter)
+    converged = active & at.front & (at.pixels < TRUSTED)
+    return Solution(on, at.P, at.N, converged, at.f, dr.select(active, iterations, 0))
+
+
+@dr.syntax
+def best_candidate(mirror: Mesh, where: Place, active) -> Where:
+    """The middle of the candidate triangle whose normal is nearest to the half vector, E and V in front if possible."""
+    best, score = mi.UInt32(0), mi.Float(-dr.inf)
+    k, count = mi.UInt32(0), dr.width(mirror.candidates)
+    while dr.hint(active & (k < count), label="choose where to start"):
+        triangle = dr.gather(mi.UInt32, mirror.candidates, k)
+        p, n = _corners(mirror, triangle, active)
+        P, N = (p[0] + p[1] + p[2]) / 3, unit(n[0] + n[1] + n[2])
+        w_E, w_V = unit(where.eye - P), unit(where.V - P)
+        agreement = dr.dot(unit(w_E + w_V), N) - dr.select((dr.dot(N, w_E) > 0) & (dr.dot(N, w_V) > 0), 0, 2)
+        better = agreement > score
+        best, score = dr.select(better, triangle, best), dr.select(better, agreement, score)
+        k += 1
+    return Where(best, mi.Point2f(1 / 3))
+
+
+def located(mirror: Mesh, centre: mi.Point3f, u: mi.Vector3f, active) -> tuple[Where, mi.Bool]:
+    """Where the ray from `centre` along u meets the mesh first, and whether it does."""
+    hit = mirror.scene.ray_intersect_preliminary(mi.Ray3f(centre, u), coherent=False, active=active)
+    met = active & hit.is_valid()
+    return Where(dr.select(met, hit.prim_index, 0), mi.Point2f(dr.select(met, hit.prim_uv, 0))), met
+
+
+def shadowed(mirror: Mesh, where: Place, active) -> mi.Bool:
+    """Whether the mirror stands between E and V. V on the mirror is not in its shadow."""
+    d = where.V - where.eye
+    length = dr.norm(d)
+    ray = mi.Ray3f(where.eye, d * dr.rcp(dr.maximum(length, 1e-20)))
+    ray.maxt = length - 1e-4 * mirror.size
+    return mirror.scene.ray_test(ray, coherent=True, active=active)

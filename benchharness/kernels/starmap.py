@@ -1,0 +1,148 @@
+"""Star-shaped mirrors as one function of direction (Roger and Holzschuch 2006, section 3.3.1).
+
+Every ray from a centre O meets the mirror at most once: P(u) = O + r(u) u for unit u. A cube map holds r and its gradient, so
+that one lookup tells where the mirror is in a direction and how it stands there:
+
+    grad r   the gradient at the surface of r extended to space as a function of direction alone; orthogonal to u
+    n        unit(u - grad r), times `side`: -1 where the mirror is looked at from O's side
+
+The gradient is made from the mesh's interpolated normals, so the map reflects as the mesh does, and not as its facets.
+Layout as in `kernels.cubemap`, 4 floats per texel: grad r, r. As a 3D vector the gradient has no poles; the partial
+derivatives of r in spherical coordinates, interpolated near one, turn the normal by up to 83 degrees.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from scipy.spatial import KDTree
+
+from benchharness.kernels import cubemap
+
+TOLERATED = 1e-3  # share of the directions that may meet nothing, or the surface again, by the rounding of a ray at an edge
+STEP = 1e-4  # a second hit is looked for this much further, relative to the first
+FLAT = 0.02  # cosine of the angle between a ray from the centre and the normal below which r changes too fast to be stored
+
+
+@dataclass
+class StarMap:
+    """
+    texels  4 floats per texel: grad r, r; object space
+    covered  1 per texel where the mirror is; beyond its rim, the texels go on as at the rim
+    centre  O, object space
+    side    1 for a mirror seen from outside, -1 from O's side
+    n       texels per edge of a face
+    """
+
+    texels: mi.Float
+    covered: mi.Bool
+    centre: mi.Point3f
+    side: mi.Float
+    n: int
+
+
+class NotStarShapedError(ValueError):
+    """No centre was found from which every ray meets the surface at most once. The message is a sentence for users."""
+
+
+def directions(n: int) -> np.ndarray:
+    """Unit directions of the texels, border included, float64 [6 (n + 2)^2, 3]."""
+    t = (2 * np.arange(-1, n + 1) + 1) / n - 1
+    v, u = np.meshgrid(t, t, indexing="ij")
+    out = np.empty((6, n + 2, n + 2, 3))
+    for face in range(6):
+        axis = face // 2
+        out[face, ..., axis] = 1 - 2 * (face % 2)
+        out[face, ..., (axis + 1) % 3], out[face, ..., (axis + 2) % 3] = u, v
+    return (out / np.linalg.norm(out, axis=-1, keepdims=True)).reshape(-1, 3)
+
+
+def packed(r: np.ndarray, gradient: np.ndarray, covered: np.ndarray, centre, side: float, n: int) -> StarMap:
+    """The map of r [T], grad r [T, 3] and covered [T] at the T directions of `directions(n)`."""
+    d = directions(n)
+    if not covered.all():
+        source = np.flatnonzero(covered)[KDTree(d[covered]).query(d[~covered])[1]]
+        r, gradient = r.copy(), gradient.copy()
+        r[~covered] = r[source]
+        gradient[~covered] = gradient[source] - d[~covered] * (gradient[source] * d[~covered]).sum(axis=1, keepdims=True)
+    texels = np.column_stack([gradient, r]).astype(np.float32)
+    star = StarMap(
+        mi.Float(texels.ravel()), mi.Bool(covered), mi.Point3f(np.asarray(centre, np.float64).tolist()), mi.Float(side), n
+    )
+    dr.make_opaque(star.centre, star.side)
+    return star
+
+
+def build(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, n: int) -> StarMap:
+    """The map of a mesh [V, 3], [V, 3], [F, 3], about the centre of its bounding box.
+
+    Raises NotStarShapedError.
+    """
+    centre = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
+    d = directions(n)
+    r, normal, hit, again = _met(vertices, normals, faces, centre, d)
+    if again.mean() > TOLERATED:
+        raise NotStarShapedError(
+            f"it is not star-shaped: {100 * again.mean():.1f} % of the rays from its centre "
+            f"({', '.join(f'{c:.3g}' for c in centre)}) meet it more than once"
+        )
+    if not hit.any():
+        raise NotStarShapedError("it is not star-shaped: no ray from the centre of its bounding box meets it")
+    cosine = (d * normal).sum(axis=1)
+    side = 1.0 if np.median(cosine[hit]) > 0 else -1.0
+    steep = hit & (side * cosine < FLAT)
+    if steep.mean() > TOLERATED:
+        raise NotStarShapedError(
+            f"it is not star-shaped: {100 * steep.mean():.1f} % of the rays from its centre "
+            f"({', '.join(f'{c:.3g}' for c in centre)}) graze it or meet it from the other side"
+        )
+    covered = hit & ~steep
+    if (~hit).mean() <= TOLERATED:  # a closed surface: rays that slip through at edges are no holes
+        side_by = np.flatnonzero(covered)[KDTree(d[covered]).query(d[~covered])[1]] if not covered.all() else []
+        r[~covered], normal[~covered], covered = r[side_by], normal[side_by], np.ones_like(covered)
+        cosine = (d * normal).sum(axis=1)
+    gradient = np.where(covered[:, None], d - normal / np.where(covered, cosine, 1)[:, None], 0)
+    return packed(np.where(covered, r, 1), gradient, covered, centre, side, n)
+
+
+def _met(vertices, normals, faces, centre, d) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Where rays from `centre` along d [T, 3] meet the mesh: distance [T], unit normal [T, 3], hit [T], hit again [T]."""
+    mesh = mi.Mesh("surface", len(vertices), len(faces))
+    params = mi.traverse(mesh)
+    params["vertex_positions"] = mi.Float(np.asarray(vertices - centre, np.float32).ravel())
+    params["faces"] = mi.UInt32(np.asarray(faces, np.uint32).ravel())
+    params.update()
+    scene = mi.load_dict({"type": "scene", "surface": mesh})
+    ray = mi.Vector3f(np.asarray(d, np.float32).T)
+    first = scene.ray_intersect_preliminary(mi.Ray3f(mi.Point3f(0), ray))
+    hit = first.is_valid()
+    second = scene.ray_test(mi.Ray3f(ray * (first.t * (1 + STEP)), ray), hit)
+    hit, again, triangle = np.array(hit), np.array(second & hit), np.array(first.prim_index).astype(np.int64)
+
+    # The hit once more in float64: the rays only tell which triangle.
+    triangle = np.where(hit, triangle, 0)
+    a, b, c = (np.asarray(vertices, np.float64)[faces[triangle, k]] - centre for k in range(3))
+    weights = np.stack([(d * np.cross(b, c)).sum(1), (d * np.cross(c, a)).sum(1), (d * np.cross(a, b)).sum(1)], axis=1)
+    weights /= np.where(hit, weights.sum(axis=1), 1)[:, None]
+    point = weights[:, :1] * a + weights[:, 1:2] * b + weights[:, 2:] * c
+    normal = sum(weights[:, k : k + 1] * np.asarray(normals)[faces[triangle, k]] for k in range(3))
+    normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    return (point * d).sum(axis=1), normal, hit, again
+
+
+def sample(star: StarMap, u: mi.Vector3f, active=True) -> tuple[mi.Float, mi.Vector3f]:
+    """r and grad r in the unit direction u."""
+    value = cubemap.lookup(star.texels, star.n, u, active)
+    gradient = mi.Vector3f(value.x, value.y, value.z)
+    return value.w, gradient - dr.dot(gradient, u) * u
+
+
+def is_covered(star: StarMap, u: mi.Vector3f, active=True) -> mi.Bool:
+    """Whether the mirror is there in direction u, to the nearest texel."""
+    face, x, y = cubemap.face_of(u)
+    column = dr.clip(mi.Int32((x + 1) * (0.5 * star.n)), 0, star.n - 1) + 1
+    row = dr.clip(mi.Int32((y + 1) * (0.5 * star.n)), 0, star.n - 1) + 1
+    return dr.gather(mi.Bool, star.covered, (face * (star.n + 2) + mi.UInt32(row)) * (star.n + 2) + mi.UInt32(column), active)
