@@ -82,7 +82,7 @@ class FrameRenderer:
         """Frame `index` as seen by `view`: the part of `render` that is timed as `gbuffer_ms`."""
         poses, points, normals = self._posed(self.scene.poses(self.scene.time(index)))
         g = self.geometry
-        visibility = raster.rasterize(points, g.faces, g.face_count, view, cull=True)
+        visibility = raster.rasterize(points, g.faces, g.face_count, view, cull="back")
         reflector, active, p, n, radiance = _first_hits(
             points, normals, g.faces, visibility, self.background, view, len(self.scene.objects)
         )

@@ -26,24 +26,20 @@ Where we differ:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 import drjit as dr
 import mitsuba as mi
-import numpy as np
 from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection, Vertices, View
-from benchharness.kernels import geometry, optics, search, virtual
+from benchharness.kernels import optics, search, vertexwise, virtual
 from benchharness.kernels.frozen import frozen
 from benchharness.scene import Scene
 
 COLD = 0xFFFF_FFFF
 PYRAMID_STRIDE = 32  # texels; first stride of a cold search
-CUT_TURN = 0.05  # radians of turn from one frame to the next that make a cut
-
-UNKNOWN, REFLECTED, UNREFLECTED, HIDDEN = range(4)
 
 
 @dataclass
@@ -75,17 +71,11 @@ class Ends:
 @dataclass
 class State:
     """
-    triangles     the scene in object space; attributes: radiance, black for reflectors
-    points        the scene in world space
-    surroundings  radiance at infinity, None for a scene without
-    ends          per reflector, where the last searches ended
-    view          the camera of the last frame
+    ends  per reflector, where the last searches ended
+    view  the camera of the last frame
     """
 
-    triangles: geometry.Geometry
-    points: mi.Float
-    surroundings: mi.Color3f | None
-    objects: int
+    scenery: vertexwise.Scenery
     ends: list[Ends]
     view: View | None
 
@@ -105,6 +95,7 @@ class ImageSpaceSearch(Method):
     warm           start where the last frame's search ended: at its point, seen anew ("point"), at its texel as in the
                    paper ("texel"), or start cold in every frame ("off")
     max_iter       neighbourhoods after which a search gives up
+    others         other mirrors in this one: "black", or "omitted" to show what is behind them
     """
 
     score: Literal["sq", "dot"] = "sq"
@@ -116,67 +107,57 @@ class ImageSpaceSearch(Method):
     start: Literal["pyramid", "centre"] = "pyramid"
     warm: Literal["point", "texel", "off"] = "point"
     max_iter: Annotated[int, Field(ge=1)] = 4096
+    others: Literal["black", "omitted"] = "black"
 
     paper: ClassVar[str] = "Estalella et al. 2006"
 
     def prepare(self, scene: Scene) -> State:
-        lit = [(o.mesh.vertices, o.mesh.radiance, o.mesh.faces) for o in scene.objects]
-        black = [(r.mesh.vertices, np.zeros_like(r.mesh.vertices), r.mesh.faces) for r in scene.reflectors]
-        triangles = geometry.upload(lit + black)
-        surroundings = mi.Color3f(scene.background) if max(scene.background) > 0 else None
-        return State(triangles, triangles.points, surroundings, len(lit), [], None)
+        return State(vertexwise.scenery(scene), [], None)
 
     def update(self, state: State, frame: Frame) -> State:
-        points = geometry.posed(state.triangles.points, state.triangles.vertex_count, frame.poses)
-        return replace(state, points=points)
+        return State(vertexwise.posed(state.scenery, frame), state.ends, state.view)
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         options = Options(
             self.score, self.neighbourhood, self.placement, self.subtexel, self.hidden, self.start == "pyramid", self.warm
         )
         warm = self.warm != "off" and state.view is not None
-        L, distance, found, ends, reports = mi.Color3f(0), mi.Float(0), mi.Bool(False), [], []
-        for i, proxy in enumerate(frame.proxies):
-            part = dr.opaque(mi.UInt32, state.objects + i)
-            last = state.ends[i] if warm else Ends.cold(state.triangles.vertex_count)
+        seen = state.scenery
+        count, shown_parts = seen.triangles.vertex_count, seen.parts_shown(self.others)
+        drawing = virtual.Drawing("cut" if self.hidden == "cut" else "keep")
+
+        def solve(i: int, part: mi.UInt32) -> vertexwise.Solved:
+            last = state.ends[i] if warm else Ends.cold(count)
             window = search.window(frame.view, frame.boxes[i], self.widening)
-            texels = search.render(proxy, frame.poses, part, window.view)
-            images, end, report = _search(
-                state.points, texels, window, part, frame.view, state.view if warm else frame.view,
-                last, state.triangles.vertex_count, dr.opaque(mi.UInt32, self.max_iter), options,
+            texels = search.render(frame.proxies[i], frame.poses, part, window.view)
+            images, end, report, reads = _search(
+                seen.points, shown_parts, texels, window, part, frame.view, state.view if warm else frame.view,
+                last, count, dr.opaque(mi.UInt32, self.max_iter), options,
             )  # fmt: skip
-            own, length, covered = virtual.draw(
-                images, state.points, state.triangles, part, frame.view, frame.p, frame.reflector,
-                dr.opaque(mi.Int32, i), (texels, window.view), self.hidden == "cut",
-            )  # fmt: skip
-            L, distance, found = (own, length, covered) if i == 0 else (L + own, distance + length, found | covered)
-            ends.append(end)
-            reports.append(report)
-        if state.surroundings is not None:
-            # What no triangle covers is the surroundings if the scene has any, else unanswered.
-            sky = frame.active & ~found
-            L, distance, found = dr.select(sky, state.surroundings, L), dr.select(sky, dr.inf, distance), frame.active
-        vertices = Vertices(**{name: _joined([r[name] for r in reports]) for name in reports[0] if name != "reads"})
-        counters = {"iterations": vertices.iterations, "texel_reads": dr.concat([r["reads"] for r in reports])}
-        reflection = Reflection(L, distance, found, vertices, counters)
-        return reflection, replace(state, ends=ends, view=frame.view)
+            mirror = (texels, window.view)
+            return vertexwise.Solved(images, end, report, drawing, mirror, counters={"texel_reads": reads})
+
+        shown = vertexwise.shown(seen, frame, solve)
+        reflection = Reflection(shown.L, shown.distance, shown.found, Vertices(**shown.report), shown.counters)
+        return reflection, State(seen, shown.ends, frame.view)
 
 
 @frozen
 def _search(
-    points, texels, window: search.Window, part, view: View, last_view: View, last, count: int, max_iter, options: Options,
+    points, shown_parts, texels, window: search.Window, part, view: View, last_view: View, last, count: int, max_iter,
+    options: Options,
 ):  # fmt: skip
-    """Virtual vertices, the texels where the searches ended, and what is reported of each vertex."""
+    """Virtual vertices, the texels where the searches ended, what is reported of each vertex, and texels read."""
     camera = window.view
     cold_column, cold_row = search.middle(texels, window)
 
     # Start: where the last search ended, unless the view was cut or the reflector is not there any more.
     lane = dr.arange(mi.UInt32, count)
     V = dr.gather(mi.Vector4f, points, lane)
-    active = mi.UInt32(V.w) != part
+    active = (mi.UInt32(V.w) != part) & (mi.UInt32(V.w) < shown_parts)
     V = mi.Point3f(V.x, V.y, V.z)
     column, row = window.texel(last.codes)
-    stays = (last.codes != COLD) & ~_cut(view, last_view)
+    stays = (last.codes != COLD) & ~vertexwise.was_cut(view, last_view)
     if options.warm == "point":
         c, r, seen = search.texel_of(camera, dr.gather(mi.Point3f, last.points, lane))
         seen &= search.fetch(texels, camera, c, r, stays & seen)[0]
@@ -201,34 +182,18 @@ def _search(
         seen, P, N = search.fetch(texels, camera, c, r, hidden & seen)
         plane_R, plane_n = dr.select(seen, P, R), dr.select(seen, N, n)
     image = dr.select(hidden, optics.mirrored(V, plane_R, plane_n), dr.select(reflected, image, V))
-    kind = dr.select(reflected, virtual.REFLECTED, dr.select(hidden, virtual.HIDDEN, virtual.NONE))
-    images = virtual.Images(dr.empty(mi.Float, 4 * count), dr.empty(mi.Float, 4 * count))
-    dr.scatter(images.moved, mi.Vector4f(image.x, image.y, image.z, kind), lane)
-    dr.scatter(images.at, mi.Vector4f(R.x, R.y, R.z, 0), lane)
+    kind, region = vertexwise.kinds(reflected, hidden)
+    images = virtual.Images(
+        vertexwise.packets(image, kind, lane, count), vertexwise.packets(R, mi.Float(0), lane, count)
+    )  # fmt: skip
 
-    region = dr.select(reflected, mi.UInt32(REFLECTED), dr.select(hidden, mi.UInt32(HIDDEN), mi.UInt32(UNKNOWN)))
     report = {
         "R": mi.Point3f(R), "n": mi.Normal3f(n), "virtual": mi.Point3f(image),
         "converged": found.converged, "valid": found.valid, "region": region,
-        "iterations": found.iterations, "residual": found.residual, "border": found.border, "reads": found.reads,
+        "iterations": found.iterations, "residual": found.residual, "border": found.border,
     }  # fmt: skip
     end = Ends(dr.select(reflected | hidden, window.code(found.column, found.row), COLD), mi.Float(0))
     if options.warm == "point":
         end.points = dr.empty(mi.Float, 3 * count)
         dr.scatter(end.points, R, lane)
-    return images, end, report
-
-
-def _joined(arrays: list):
-    """The lanes of several arrays of one type, one after the other."""
-    kind = type(arrays[0])
-    if dr.depth_v(kind) == 1:
-        return dr.concat(arrays)
-    return kind(*(dr.concat([a[k] for a in arrays]) for k in range(len(arrays[0]))))
-
-
-def _cut(view: View, last: View) -> mi.Bool:
-    """Whether the camera turned too far since the last frame for its searches to be near, or its texels are others."""
-    turned = dr.norm(dr.normalize(view.w.xyz) - dr.normalize(last.w.xyz)) > CUT_TURN
-    zoomed = dr.abs(dr.norm(view.right) / dr.norm(last.right) - 1) > 1e-6
-    return turned | zoomed | mi.Bool((view.width, view.height) != (last.width, last.height))
+    return images, end, report, found.reads

@@ -146,9 +146,9 @@ def test_what_has_no_area_or_lies_behind_the_eye_draws_nothing():
 def test_culling_keeps_what_runs_counter_clockwise_seen_from_the_eye():
     vertices = np.array([[-1, 0, -1], [1, 0, -1], [0, 0, 1]], float)
     front, back = np.array([[0, 1, 2]]), np.array([[0, 2, 1]])
-    assert (drawn(vertices, front, 64, 48, cull=True, tag=raster.CLOSED) == 0).any()
-    assert (drawn(vertices, back, 64, 48, cull=True, tag=raster.CLOSED) == -1).all()
-    assert (drawn(vertices, back, 64, 48, cull=True) == 0).any()  # an open sheet has two sides
+    assert (drawn(vertices, front, 64, 48, cull="back", tag=raster.CLOSED) == 0).any()
+    assert (drawn(vertices, back, 64, 48, cull="back", tag=raster.CLOSED) == -1).all()
+    assert (drawn(vertices, back, 64, 48, cull="back") == 0).any()  # an open sheet has two sides
 
 
 def test_a_limit_is_a_stencil_and_a_surface_behind_which_everything_lies():

@@ -24,6 +24,7 @@ vertices and one whose highest bit, CLOSED, marks triangles whose back is never 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import drjit as dr
 import mitsuba as mi
@@ -56,23 +57,21 @@ class Edge:
 
 @dataclass
 class Setup:
-    """A triangle ready to be walked: edges, 1/w = g + gx px + gy py, and its box of pixels."""
+    """A triangle ready to be walked: edges, 1/w = g + gx px + gy py, the same for a second value, and its box of pixels."""
 
     edges: list[Edge]
     g: mi.Float
     gx: mi.Float
     gy: mi.Float
+    second: mi.Vector3f | None
     left: mi.Int32
     top: mi.Int32
     columns: mi.Int32
     rows: mi.Int32
 
 
-def setup(points: mi.Float, faces: mi.UInt32, triangle: mi.UInt32, view, active, cull: bool) -> Setup:
-    """Loads, projects and prepares triangles; no columns or rows where nothing is to be drawn.
-
-    cull    drop triangles marked CLOSED that turn their clockwise side to the eye
-    """
+def setup(points: mi.Float, faces: mi.UInt32, triangle: mi.UInt32, view, active, cull: str, values: mi.Float | None) -> Setup:
+    """Loads, projects and prepares triangles; no columns or rows where nothing is to be drawn. See `rasterize`."""
     face = dr.gather(mi.Vector4u, faces, triangle, active)
     h = [_homogeneous(dr.gather(mi.Vector4f, points, i, active), view) for i in (face.x, face.y, face.z)]
     front = [p.z > view.near for p in h]
@@ -91,6 +90,14 @@ def setup(points: mi.Float, faces: mi.UInt32, triangle: mi.UInt32, view, active,
     gy = dr.select(whole, (g2 * d1x - g1 * d2x) * per_size, line.y)
     g = dr.select(whole, s[0][2] - gx * s[0][0] - gy * s[0][1], line.z)
 
+    second = None
+    if values is not None:
+        v = [dr.gather(mi.Float, values, i, active) for i in (face.x, face.y, face.z)]
+        v1, v2 = v[1] - v[0], v[2] - v[0]
+        vx, vy = (v1 * d2y - v2 * d1y) * per_size, (v2 * d1x - v1 * d2x) * per_size
+        # A triangle that crosses the near plane has no such plane: it passes every test.
+        second = dr.select(whole, mi.Vector3f(v[0] - vx * s[0][0] - vy * s[0][1], vx, vy), mi.Vector3f(1e30, 0, 0))
+
     # Box of the part in front of the near plane.
     low_x, low_y, high_x, high_y = mi.Float(dr.inf), mi.Float(dr.inf), mi.Float(-dr.inf), mi.Float(-dr.inf)
     for k in range(3):
@@ -103,11 +110,13 @@ def setup(points: mi.Float, faces: mi.UInt32, triangle: mi.UInt32, view, active,
     left, columns = _pixels(low_x, high_x, view.width)
     top, rows = _pixels(low_y, high_y, view.height)
     drawn = active & dr.isfinite(per_size) & (size != 0) & (front[0] | front[1] | front[2]) & (columns > 0) & (rows > 0)
-    if cull:
-        # y points down: counter-clockwise in space is negative on the screen.
+    # y points down: counter-clockwise in space is negative on the screen.
+    if cull == "back":
         drawn &= (size < 0) | ((face.w & CLOSED) == 0)
+    elif cull == "front":
+        drawn &= size > 0
     edges = [_edge(h[k], h[(k + 1) % 3], s[k], s[(k + 1) % 3], front[k], front[(k + 1) % 3], size > 0) for k in range(3)]
-    return Setup(edges, g, gx, gy, left, top, dr.select(drawn, columns, 0), dr.select(drawn, rows, 0))
+    return Setup(edges, g, gx, gy, second, left, top, dr.select(drawn, columns, 0), dr.select(drawn, rows, 0))
 
 
 def _homogeneous(p: mi.Vector4f, view) -> mi.Vector3f:
@@ -152,8 +161,9 @@ def rasterize(
     view,
     *,
     limit: mi.Float | None = None,
+    least: tuple[mi.Float, mi.Float] | None = None,
     drawn: mi.Bool | None = None,
-    cull: bool = False,
+    cull: Literal["", "back", "front"] = "",
 ) -> mi.UInt32:
     """The nearest triangle at each pixel centre, to be asked by `winner_at` or `seen`; NONE where no triangle covers it.
 
@@ -161,14 +171,18 @@ def rasterize(
 
     limit      Float [height * width]; only what has 1/w up to this is drawn: a stencil (0 shuts a pixel) and a surface
                behind which everything lies (its own 1/w)
+    least      a second value, Float [vertices], linear on the screen, and Float [height * width]; only what has it at
+               least that large is drawn
     drawn      Bool [face_count]; the triangles to draw; all if None
-    cull       drop triangles marked CLOSED that turn their clockwise side to the eye
+    cull       "back": drop triangles marked CLOSED that turn their clockwise side to the eye; "front": drop all that turn
+               their counter-clockwise side to it
 
     Waits for the device once, to learn how long the lists are; not for use inside `dr.freeze`.
     """
-    packed, boxes, ends = _prepared(points, faces, face_count, view, drawn, cull)
+    values, floor = least if least is not None else (None, None)
+    packed, boxes, ends = _prepared(points, faces, face_count, view, drawn, cull, values)
     total = int(ends[face_count - 1])
-    return _nearest(packed, boxes, ends, _roomy(total), face_count, view, limit)
+    return _nearest(packed, boxes, ends, _roomy(total), face_count, view, limit, floor)
 
 
 def _roomy(count: int) -> int:
@@ -178,15 +192,17 @@ def _roomy(count: int) -> int:
 
 
 @frozen
-def _prepared(points, faces, face_count: int, view, drawn, cull: bool):
-    """Per triangle four packets of setup, one of integers (first tile: column, row; tiles across, in all), and the running
+def _prepared(points, faces, face_count: int, view, drawn, cull: str, values):
+    """Per triangle four packets of setup (five with a second value), one of integers (first tile: column, row; tiles across, in all), and the running
     sum of the tiles."""
     triangle = dr.arange(mi.UInt32, face_count)
-    t = setup(points, faces, triangle, view, mi.Bool(True) if drawn is None else drawn, cull)
+    t = setup(points, faces, triangle, view, mi.Bool(True) if drawn is None else drawn, cull, values)
     owns = sum(dr.select(edge.owns, 1 << k, 0) for k, edge in enumerate(t.edges))
     numbers = [value for e in t.edges for value in (e.x, e.y, e.A, e.B)] + [t.g, t.gx, t.gy, mi.Float(owns)]
-    packed = [dr.empty(mi.Float, 4 * face_count) for _ in range(4)]
-    for k in range(4):
+    if t.second is not None:
+        numbers += [t.second.x, t.second.y, t.second.z, mi.Float(0)]
+    packed = [dr.empty(mi.Float, 4 * face_count) for _ in range(len(numbers) // 4)]
+    for k in range(len(packed)):
         dr.scatter(packed[k], mi.Vector4f(*numbers[4 * k : 4 * k + 4]), triangle)
 
     column, row = t.left // TILE_WIDTH, t.top // TILE_HEIGHT
@@ -200,14 +216,14 @@ def _prepared(points, faces, face_count: int, view, drawn, cull: bool):
 
 def _unpacked(packed: list, triangle: mi.UInt32) -> tuple[list[Edge], mi.Vector3f]:
     """The edges and the plane of 1/w that `_prepared` stored."""
-    q = [dr.gather(mi.Vector4f, packet, triangle) for packet in packed]
+    q = [dr.gather(mi.Vector4f, packet, triangle) for packet in packed[:4]]
     owns = mi.UInt32(q[3].w)
     edges = [Edge(q[k].x, q[k].y, q[k].z, q[k].w, (owns & (1 << k)) != 0) for k in range(3)]
     return edges, mi.Vector3f(q[3].x, q[3].y, q[3].z)
 
 
 @frozen
-def _nearest(packed, boxes, ends, room: int, face_count: int, view, limit):
+def _nearest(packed, boxes, ends, room: int, face_count: int, view, limit, floor):
     """Lists per tile, then the walk. `room`: at least as many as there are pairs of a triangle and a tile of its box."""
     # Whose pair: every triangle marks its first, and a running maximum spreads the marks.
     triangle = dr.arange(mi.UInt32, face_count)
@@ -230,11 +246,11 @@ def _nearest(packed, boxes, ends, room: int, face_count: int, view, limit):
     first = dr.full(mi.UInt32, NONE, tile_count * HEAD_SPACING)
     following = dr.scatter_exch(first, pair, (row * tiles_across + column) * HEAD_SPACING, reached)
     dr.eval(first, following)
-    return _walk(packed, owner, first, following, tiles_across, tile_count, view, limit)
+    return _walk(packed, owner, first, following, tiles_across, tile_count, view, limit, floor)
 
 
 @dr.syntax
-def _walk(packed, owner, first, following, tiles_across: int, tile_count: int, view, limit):
+def _walk(packed, owner, first, following, tiles_across: int, tile_count: int, view, limit, floor):
     """16 lanes per tile, a column of pixels each: the nearest of the tile's triangles at every pixel."""
     lane = dr.arange(mi.UInt32, tile_count * TILE_WIDTH)
     tile = lane // TILE_WIDTH
@@ -253,6 +269,10 @@ def _walk(packed, owner, first, following, tiles_across: int, tile_count: int, v
     for k in range(1, TILE_HEIGHT):
         open_ |= limits[k] > 0
 
+    floors = []
+    if dr.hint(floor is not None, mode="scalar"):
+        floors = [dr.gather(mi.Float, floor, pixel + k * view.width, inside[k]) for k in range(TILE_HEIGHT)]
+
     nearest = [mi.Float(0) for _ in range(TILE_HEIGHT)]
     winner = [mi.UInt32(NONE) for _ in range(TILE_HEIGHT)]
     node = dr.gather(mi.UInt32, first, tile * HEAD_SPACING)
@@ -263,6 +283,10 @@ def _walk(packed, owner, first, following, tiles_across: int, tile_count: int, v
         across = [(px - edge.x) * edge.A for edge in edges]
         least = [dr.select(edge.owns, 0, OPEN_END) for edge in edges]
         g0 = dr.fma(plane.y, px, plane.x)
+        second, v0 = mi.Vector4f(0), mi.Float(0)
+        if dr.hint(floor is not None, mode="scalar"):
+            second = dr.gather(mi.Vector4f, packed[4], triangle)
+            v0 = dr.fma(second.y, px, second.x)
         for k in range(TILE_HEIGHT):
             y = py + k
             hit = mi.Bool(True)
@@ -270,6 +294,8 @@ def _walk(packed, owner, first, following, tiles_across: int, tile_count: int, v
                 hit &= (y - edges[i].y) * edges[i].B + across[i] >= least[i]
             g = dr.fma(plane.z, y, g0)
             hit &= (g <= limits[k]) & ((g > nearest[k]) | ((g == nearest[k]) & (triangle < winner[k])))
+            if dr.hint(floor is not None, mode="scalar"):
+                hit &= dr.fma(second.z, y, v0) >= floors[k]
             nearest[k] = dr.select(hit, g, nearest[k])
             winner[k] = dr.select(hit, triangle, winner[k])
     return dr.concat(winner)

@@ -41,13 +41,13 @@ def render(surface, poses: mi.Float, part: mi.UInt32, view) -> mi.Float:
     surface      a `benchharness.api.Surface`, part number `part`
     poses        12 floats per part; see `benchharness.api.Frame`
     """
-    points, normals = _posed(surface, poses, part)
-    visibility = raster.rasterize(points, surface.faces, surface.face_count, view, cull=True)
+    points, normals = posed(surface, poses, part)
+    visibility = raster.rasterize(points, surface.faces, surface.face_count, view, cull="back")
     return _texels(points, normals, surface.faces, visibility, view)
 
 
 @frozen
-def _posed(surface, poses: mi.Float, part: mi.UInt32) -> tuple[mi.Float, mi.Float]:
+def posed(surface, poses: mi.Float, part: mi.UInt32) -> tuple[mi.Float, mi.Float]:
     """Points and normals of a surface in world space, 4 floats per vertex."""
     pose = [dr.gather(mi.Vector4f, poses, part * 3 + k) for k in range(3)]
     lane = dr.arange(mi.UInt32, surface.vertex_count)
