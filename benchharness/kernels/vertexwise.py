@@ -1,0 +1,138 @@
+"""What all methods share that move vertices: in each mirror, find every vertex's image, draw the images, put them together.
+
+A method brings the finding: `solve(i, part)` for mirror number i, whose part has number `part`. `frame` is a
+`benchharness.api.Frame`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from benchharness.kernels import geometry, virtual
+
+UNKNOWN, REFLECTED, UNREFLECTED, HIDDEN = range(4)  # benchharness.api.Vertices.region
+
+
+@dataclass
+class Scenery:
+    """What is reflected.
+
+    triangles     the scene in object space; attributes: radiance, black for reflectors
+    points        the scene in world space
+    surroundings  radiance at infinity, None for a scene without
+    objects       how many parts are objects; reflectors come after them
+    """
+
+    triangles: geometry.Geometry
+    points: mi.Float
+    surroundings: mi.Color3f | None
+    objects: int
+
+    def parts_shown(self, others: str) -> mi.UInt32:
+        """Parts from this number on are left out: other mirrors are shown "black" or "omitted"."""
+        return dr.opaque(mi.UInt32, self.objects if others == "omitted" else 0xFFFF_FFFF)
+
+
+@dataclass
+class Solved:
+    """One mirror's images.
+
+    end       what the next frame starts from
+    report    the fields of `benchharness.api.Vertices`
+    drawing   how to draw them; `mirror` and `back` as `kernels.virtual.draw` takes them
+    counters  further work, integers per vertex
+    """
+
+    images: virtual.Images
+    end: Any
+    report: dict[str, Any]
+    drawing: virtual.Drawing
+    mirror: Any = None
+    back: mi.Float | None = None
+    counters: dict[str, mi.UInt32] = field(default_factory=dict)
+
+
+def scenery(scene) -> Scenery:
+    """What a `benchharness.scene.Scene` shows, uploaded."""
+    lit = [(o.mesh.vertices, o.mesh.radiance, o.mesh.faces) for o in scene.objects]
+    black = [(r.mesh.vertices, np.zeros_like(r.mesh.vertices), r.mesh.faces) for r in scene.reflectors]
+    triangles = geometry.upload(lit + black)
+    surroundings = mi.Color3f(scene.background) if max(scene.background) > 0 else None
+    return Scenery(triangles, triangles.points, surroundings, len(lit))
+
+
+def posed(seen: Scenery, frame) -> Scenery:
+    """With every part where it is in this frame."""
+    return replace(seen, points=geometry.posed(seen.triangles.points, seen.triangles.vertex_count, frame.poses))
+
+
+@dataclass
+class Shown:
+    """The fields of `benchharness.api.Reflection`, those of its `vertices` as `report`, and per mirror what the next frame
+    starts from."""
+
+    L: mi.Color3f
+    distance: mi.Float
+    found: mi.Bool
+    report: dict[str, Any]
+    counters: dict[str, mi.UInt32]
+    ends: list
+
+
+def shown(seen: Scenery, frame, solve: Callable[[int, mi.UInt32], Solved]) -> Shown:
+    """The reflection in all mirrors."""
+    L, distance, found = mi.Color3f(0), mi.Float(0), mi.Bool(False)
+    solved = []
+    for i in range(len(frame.proxies)):
+        part = dr.opaque(mi.UInt32, seen.objects + i)
+        one = solve(i, part)
+        own, length, covered = virtual.draw(
+            one.images, seen.points, seen.triangles, part, frame.view, frame.p, frame.reflector, dr.opaque(mi.Int32, i),
+            one.mirror, one.drawing, one.back,
+        )  # fmt: skip
+        L, distance, found = (own, length, covered) if i == 0 else (L + own, distance + length, found | covered)
+        solved.append(one)
+    if seen.surroundings is not None:
+        # What no triangle covers is the surroundings if the scene has any, else unanswered.
+        sky = frame.active & ~found
+        L, distance, found = dr.select(sky, seen.surroundings, L), dr.select(sky, dr.inf, distance), mi.Bool(frame.active)
+    report = {name: _joined([one.report[name] for one in solved]) for name in solved[0].report}
+    counters = {name: _joined([one.counters[name] for one in solved]) for name in solved[0].counters}
+    return Shown(L, distance, found, report, {"iterations": report["iterations"], **counters}, [one.end for one in solved])
+
+
+def _joined(arrays: list):
+    """The lanes of several arrays of one type, one after the other."""
+    kind = type(arrays[0])
+    if dr.depth_v(kind) == 1:
+        return dr.concat(arrays)
+    return kind(*(dr.concat([a[k] for a in arrays]) for k in range(len(arrays[0]))))
+
+
+CUT_TURN = 0.05  # radians of turn from one frame to the next that make a cut
+
+
+def was_cut(view, last) -> mi.Bool:
+    """Whether the camera turned too far since the last frame for its answers to be near, or its texels are others."""
+    turned = dr.norm(dr.normalize(view.w.xyz) - dr.normalize(last.w.xyz)) > CUT_TURN
+    zoomed = dr.abs(dr.norm(view.right) / dr.norm(last.right) - 1) > 1e-6
+    return turned | zoomed | mi.Bool((view.width, view.height) != (last.width, last.height))
+
+
+def packets(values: mi.Point3f, fourth: mi.Float, lane: mi.UInt32, count: int) -> mi.Float:
+    """Points and a fourth number, 4 floats per vertex."""
+    out = dr.empty(mi.Float, 4 * count)
+    dr.scatter(out, mi.Vector4f(values.x, values.y, values.z, fourth), lane)
+    return out
+
+
+def kinds(reflected: mi.Bool, hidden: mi.Bool) -> tuple[mi.Float, mi.UInt32]:
+    """The kind of a virtual vertex and its region."""
+    kind = dr.select(reflected, mi.Float(virtual.REFLECTED), dr.select(hidden, mi.Float(virtual.HIDDEN), virtual.NONE))
+    return kind, dr.select(reflected, mi.UInt32(REFLECTED), dr.select(hidden, mi.UInt32(HIDDEN), mi.UInt32(UNKNOWN)))
