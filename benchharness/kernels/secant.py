@@ -37,6 +37,7 @@ AGREED = 1e-2  # |gradient| / |e| of a reflection point
 SHORTEST_E = 1e-3  # |e| = 2 cos(incidence) at a reflection point; 0 where EV pierces the mirror, which is none
 SPREAD = 0.12  # share of the angle between V and E that the first triangle spans, started near the answer
 SPREAD_LEAST, SPREAD_MOST = 0.004, 0.15  # radians
+OUTLINE_HALVINGS = 14  # of the angle between E and V, to find the mirror's outline between them
 SPREAD_WARM = 0.01  # radians, of a triangle around the last frame's answer
 
 
@@ -247,3 +248,20 @@ def solve(options: Options, star: starmap.StarMap, where: Place, last: mi.Vector
     first = start(options.residual, options.start, star, where, last, warm, active)
     best, closed, iterations, backtracks = close_in(options.residual, options.stop, star, where, first, active, tau, max_iter)
     return judged(star, where, unit(best.p - star.centre), closed, iterations, backtracks, active)
+
+
+@dr.syntax
+def outline(star: starmap.StarMap, where: Place, active) -> mi.Point3f:
+    """The point of the mirror's outline, as the eye sees it, between the directions to E and to V; mirror's space."""
+    to_V, to_E = directions_of(star, where)
+    low, high, step = mi.Float(0), mi.Float(1), mi.UInt32(0)
+    R = mi.Point3f(0)
+    while dr.hint(active & (step < OUTLINE_HALVINGS), label="find the outline"):
+        middle = 0.5 * (low + high)
+        u = unit(dr.lerp(to_E, to_V, middle))
+        r, gradient = starmap.sample(star, u, active)
+        R = mi.Point3f(star.centre + r * u)
+        turned = star.side * dr.dot(u - gradient, where.eye - R) > 0
+        low, high = dr.select(turned, middle, low), dr.select(turned, high, middle)
+        step += 1
+    return R

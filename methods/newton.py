@@ -1,0 +1,130 @@
+"""Newton's method on the mirror's mesh for each vertex's reflection point; the moved triangles are drawn.
+
+For every vertex V, a walk over the mirror's triangles goes where half vector and interpolated normal agree, with the mesh's own
+derivatives: kernels.newton. Nothing is precomputed but a hierarchy over the mirror alone, which moves with it.
+After Jakob and Marschner 2012, "Manifold exploration", with the damping of Zeltner, Georgiev and Jakob 2020.
+
+Assumes one reflection per vertex; of several, the walk finds the one that it comes to from the best of a few hundred points
+of the mirror, or from the last frame's. Needs no star-shaped and no convex mirror. Fails where triangles are long (images
+of edges are straight), and where the mirror's own wall stands between a vertex and its reflection point (not tested). Shows
+no second bounce and not the mirror itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal
+
+import drjit as dr
+import mitsuba as mi
+from pydantic import Field
+
+from benchharness.api import Frame, Method, Reflection, Vertices, View
+from benchharness.kernels import newton, optics, placement, search, vertexwise, virtual
+from benchharness.kernels.frozen import frozen
+from benchharness.scene import Scene
+
+WIDENING = 1.25  # of tan(fov / 2), of the mirror's picture that tells where vertices become hidden
+
+
+@dataclass
+class Ends:
+    """Where the walks of a frame ended, per vertex: triangle, weights, and whether it is worth starting from."""
+
+    on: newton.Where
+    warm: mi.Bool
+
+    @staticmethod
+    def cold(count: int) -> Ends:
+        return Ends(newton.Where(dr.zeros(mi.UInt32, count), dr.zeros(mi.Point2f, count)), dr.zeros(mi.Bool, count))
+
+
+@dataclass
+class State:
+    """
+    ends  per reflector, where the last walks ended
+    view  the camera of the last frame
+    """
+
+    scenery: vertexwise.Scenery
+    mirrors: list[newton.Mesh]
+    ends: list[Ends]
+    view: View | None
+
+
+@dataclass(frozen=True)
+class Newton(Method):
+    """
+    warm      start where the last frame's walk ended
+    hidden    triangles with hidden vertices: "cut" where they become hidden, or "drop"
+    others    other mirrors in this one: "black", or "omitted" to show what is behind them
+    max_iter  points after which a walk gives up
+    """
+
+    warm: bool = True
+    hidden: Literal["cut", "drop"] = "cut"
+    others: Literal["black", "omitted"] = "black"
+    max_iter: Annotated[int, Field(ge=1)] = 60
+
+    paper: ClassVar[str] = "Jakob and Marschner 2012"
+
+    def prepare(self, scene: Scene) -> State:
+        meshes = [reflector.closed or reflector.mesh for reflector in scene.reflectors]
+        mirrors = [newton.mesh(mesh.vertices, mesh.normals, mesh.faces) for mesh in meshes]
+        return State(vertexwise.scenery(scene), mirrors, [], None)
+
+    def update(self, state: State, frame: Frame) -> State:
+        return State(vertexwise.posed(state.scenery, frame), state.mirrors, state.ends, state.view)
+
+    def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
+        warm = self.warm and state.view is not None
+        seen = state.scenery
+        count, shown_parts = seen.triangles.vertex_count, seen.parts_shown(self.others)
+        drawing = virtual.Drawing(self.hidden)
+
+        def solve(i: int, part: mi.UInt32) -> vertexwise.Solved:
+            picture = None
+            if self.hidden == "cut":
+                window = search.window(frame.view, frame.boxes[i], WIDENING)
+                picture = (search.render(frame.proxies[i], frame.poses, part, window.view), window.view)
+            images, end, report = _solve(
+                seen.points, shown_parts, state.mirrors[i], frame.poses, part, frame.view,
+                state.view if warm else frame.view, state.ends[i] if warm else Ends.cold(count), count,
+                dr.opaque(mi.UInt32, self.max_iter),
+            )  # fmt: skip
+            return vertexwise.Solved(images, end, report, drawing, picture)
+
+        shown = vertexwise.shown(seen, frame, solve)
+        reflection = Reflection(shown.L, shown.distance, shown.found, Vertices(**shown.report), shown.counters)
+        return reflection, State(seen, state.mirrors, shown.ends, frame.view)
+
+
+@frozen
+def _solve(points, shown_parts, mesh: newton.Mesh, poses, part, view: View, last_view: View, last: Ends, count: int, max_iter):
+    """Virtual vertices, where the walks ended, and what is reported of each vertex."""
+    lane = dr.arange(mi.UInt32, count)
+    V = dr.gather(mi.Vector4f, points, lane)
+    active = (mi.UInt32(V.w) != part) & (mi.UInt32(V.w) < shown_parts)
+    V = mi.Point3f(V.x, V.y, V.z)
+    pose = placement.pose_of(poses, part)
+    where = placement.place(pose, V, view)
+
+    # The mirror between eye and vertex hides it for certain if it is convex.
+    shadow = newton.shadowed(mesh, where, active)
+    searched = active & ~shadow if mesh.convex else mi.Bool(active)
+    warm = last.warm & ~vertexwise.was_cut(view, last_view)
+    first = dr.select(warm, last.on, newton.best_candidate(mesh, where, searched & ~warm))
+    walked = newton.walk(mesh, where, first, searched, max_iter)
+
+    behind = shadow | (dr.dot(where.V - walked.R, walked.n) <= 0)
+    reflected = walked.converged | (searched & ~behind & (walked.residual < search.STRAY))
+    hidden = active & behind & ~reflected
+    R, n = placement.point_to_world(pose, walked.R), placement.normal_to_world(pose, walked.n)
+    image = dr.select(reflected, optics.on_ray(V, R, view.eye), V)
+    kind, region = vertexwise.kinds(reflected, hidden)
+    images = virtual.Images(vertexwise.packets(image, kind, lane, count), vertexwise.packets(R, mi.Float(0), lane, count))
+    report = {
+        "R": R, "n": n, "virtual": mi.Point3f(image), "converged": walked.converged, "valid": mi.Bool(walked.converged),
+        "region": region, "iterations": walked.iterations, "residual": walked.residual, "border": dr.zeros(mi.Bool, count),
+    }  # fmt: skip
+    return images, Ends(walked.on, mi.Bool(reflected)), report

@@ -1,0 +1,256 @@
+"""Secant triangle: three samples of the mirror close in on each vertex's reflection point, and the moved triangles are drawn.
+
+A star-shaped mirror is one function of direction, r(u). For every vertex V, three directions are tried; where the gradient
+of the light's path by way of the mirror would vanish, if it were linear between them, is the next sample. The scene is
+then drawn with its vertices at their reflection points.
+Paper: Roger, Holzschuch, "Accurate specular reflections in real-time", Eurographics 2006; section 3.
+
+Assumes a star-shaped mirror, and one reflection per vertex: mirrors with several show the one that the search comes to. Fails
+where triangles are long (images of edges are straight), and near outlines, where a secant may leave the mirror's visible
+side: its own test then says "not converged". Shows no second bounce and not the mirror itself.
+
+Where we differ:
+* The printed equation (1) is a transpose and has other zeros than the path's length: kernels.secant.
+* `stop = "area"` is the paper's. A triangle that has become a sliver has no area and may be pixels long: "edge" asks for the
+  longest edge.
+* `start = "near"` begins with a small triangle where a sphere would reflect V; the paper's begins with one as wide as the angle
+  between V and E. `warm` begins at the last frame's answer.
+* `newton = "always"` lets Newton's method on the mirror's own mesh go on from the triangle's last sample, and begin anew where the
+  triangle was lost; "restart" only the latter. It also asks one ray from eye to vertex whether the mirror hides it.
+* The paper is silent on hidden vertices. `hidden = "drop"` leaves their triangles out; "emdt_mirror" mirrors them as Estalella et
+  al. 2006 do; "clamp" puts them on the outline; "cut" ends triangles where they become hidden.
+* `depth = "screen_linear"` is the paper's: triangles span reflection points and are sorted by the distance to what is
+  reflected, linear on the screen. "perspective" draws triangles in space, behind the mirror, where each image is.
+* `self_occlusion`: the paper's test against the mirror's nearest back. A convex mirror cannot fail it and is not asked.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from pydantic import Field
+
+from benchharness.api import Frame, Method, Reflection, Vertices, View
+from benchharness.kernels import newton, optics, placement, search, secant, starmap, vertexwise, virtual
+from benchharness.kernels.frozen import frozen
+from benchharness.scene import Reflector, Scene
+
+WIDENING = 1.25  # of tan(fov / 2), of the mirror's picture that tells where vertices become hidden
+REFUSAL_RESOLUTION = 32  # texels; enough to see that a mirror is not star-shaped
+FARTHEST = 4.0  # scene diagonals: longest distance that "screen_linear" tells apart
+
+
+@dataclass
+class Options:
+    """The parameters that the kernels are compiled for."""
+
+    search: secant.Options
+    newton: str
+    hidden: str
+    depth: str
+
+
+@dataclass
+class Mirror:
+    """One reflector: as a function of direction, and as a mesh."""
+
+    star: starmap.StarMap
+    mesh: newton.Mesh
+
+
+@dataclass
+class Ends:
+    """Where the searches of a frame ended, per vertex: direction (3 floats), and whether it is worth starting from."""
+
+    u: mi.Float
+    warm: mi.Bool
+
+    @staticmethod
+    def cold(count: int) -> Ends:
+        return Ends(dr.zeros(mi.Float, 3 * count), dr.zeros(mi.Bool, count))
+
+
+@dataclass
+class State:
+    """
+    ends   per reflector, where the last searches ended
+    view   the camera of the last frame
+    d_max  no reflected ray is longer, metres
+    """
+
+    scenery: vertexwise.Scenery
+    mirrors: list[Mirror]
+    ends: list[Ends]
+    view: View | None
+    d_max: mi.Float
+
+
+@dataclass(frozen=True)
+class SecantTriangle(Method):
+    """
+    resolution      texels per edge of a face of the map of r(u)
+    residual        "param": derivative of the path's length in u; "surface": its part in the tangent plane
+    stop            when the triangle is small on the screen: its longest "edge", or its "area" as in the paper
+    tau             how small, pixels ("edge") or pixels squared ("area")
+    start           "near" the answer, or as wide as the "paper"
+    warm            start where the last frame's search ended
+    newton          go on by Newton's method: "always", "restart" if the triangle was lost, or "off" as in the paper
+    hidden          triangles with hidden vertices: "cut", "drop", "emdt_mirror" or "clamp"; see above
+    depth           "perspective", or "screen_linear" as in the paper (which knows no "cut" and no "emdt_mirror")
+    self_occlusion  leave out what lies behind the mirror's own nearest back
+    others          other mirrors in this one: "black", or "omitted" to show what is behind them
+    max_iter        samples, and again points, after which a search gives up
+    """
+
+    resolution: Annotated[int, Field(ge=8, le=2048)] = 256
+    residual: Literal["param", "surface"] = "param"
+    stop: Literal["edge", "area"] = "edge"
+    tau: Annotated[float, Field(gt=0)] = 1.0
+    start: Literal["near", "paper"] = "near"
+    warm: bool = True
+    newton: Literal["always", "restart", "off"] = "always"
+    hidden: Literal["cut", "drop", "emdt_mirror", "clamp"] = "cut"
+    depth: Literal["perspective", "screen_linear"] = "perspective"
+    self_occlusion: bool = True
+    others: Literal["black", "omitted"] = "black"
+    max_iter: Annotated[int, Field(ge=1)] = 60
+
+    paper: ClassVar[str] = "Roger and Holzschuch 2006"
+
+    def __post_init__(self) -> None:
+        if self.depth == "screen_linear" and self.hidden in ("cut", "emdt_mirror"):
+            raise ValueError(f'secant_triangle: depth "screen_linear" with hidden "{self.hidden}"; accepted: "drop" or "clamp"')
+
+    def refuses(self, scene: Scene) -> str | None:
+        for reflector in scene.reflectors:
+            try:
+                _star(reflector, REFUSAL_RESOLUTION)
+            except starmap.NotStarShapedError as error:
+                return f"reflector {reflector.name}: {error}"
+        return None
+
+    def prepare(self, scene: Scene) -> State:
+        mirrors = []
+        for reflector in scene.reflectors:
+            star, mesh = _star(reflector, self.resolution)
+            mirrors.append(Mirror(star, newton.mesh(mesh.vertices, mesh.normals, mesh.faces)))
+        corners = np.concatenate([np.asarray(part.mesh.transformed(part.pose(0.0)).vertices) for part in scene.parts])
+        d_max = dr.opaque(mi.Float, FARTHEST * float(np.linalg.norm(np.ptp(corners, axis=0))))
+        return State(vertexwise.scenery(scene), mirrors, [], None, d_max)
+
+    def update(self, state: State, frame: Frame) -> State:
+        return State(vertexwise.posed(state.scenery, frame), state.mirrors, state.ends, state.view, state.d_max)
+
+    def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
+        options = Options(secant.Options(self.residual, self.stop, self.start), self.newton, self.hidden, self.depth)
+        warm = self.warm and state.view is not None
+        seen = state.scenery
+        count, shown_parts = seen.triangles.vertex_count, seen.parts_shown(self.others)
+        tau, max_iter = dr.opaque(mi.Float, self.tau), dr.opaque(mi.UInt32, self.max_iter)
+        policy = {"cut": "cut", "drop": "drop", "emdt_mirror": "keep", "clamp": "keep"}[self.hidden]
+
+        def solve(i: int, part: mi.UInt32) -> vertexwise.Solved:
+            mirror, picture, back = state.mirrors[i], None, None
+            if self.hidden in ("cut", "emdt_mirror"):
+                window = search.window(frame.view, frame.boxes[i], WIDENING)
+                picture = (search.render(frame.proxies[i], frame.poses, part, window.view), window.view)
+            behind = self.self_occlusion and not mirror.mesh.convex
+            if behind:
+                back = virtual.nearest_back(frame.proxies[i], frame.poses, part, frame.view)
+            images, end, report, backtracks = _solve(
+                seen.points, shown_parts, mirror, picture, frame.poses, part, frame.view,
+                state.view if warm else frame.view, state.ends[i] if warm else Ends.cold(count), count, state.d_max, tau,
+                max_iter, options,
+            )  # fmt: skip
+            drawing = virtual.Drawing(policy, self.depth, behind)
+            return vertexwise.Solved(images, end, report, drawing, picture, back, {"backtracks": backtracks})
+
+        shown = vertexwise.shown(seen, frame, solve)
+        reflection = Reflection(shown.L, shown.distance, shown.found, Vertices(**shown.report), shown.counters)
+        return reflection, State(seen, state.mirrors, shown.ends, frame.view, state.d_max)
+
+
+def _star(reflector: Reflector, resolution: int):
+    """The map of a reflector and the mesh that it is of: its closed stand-in if that is star-shaped, else the sheet."""
+    meshes = [mesh for mesh in (reflector.closed, reflector.mesh) if mesh is not None]
+    for mesh in meshes[:-1]:
+        try:
+            return starmap.build(mesh.vertices, mesh.normals, mesh.faces, resolution), mesh
+        except starmap.NotStarShapedError:
+            pass
+    mesh = meshes[-1]
+    return starmap.build(mesh.vertices, mesh.normals, mesh.faces, resolution), mesh
+
+
+@frozen
+def _solve(
+    points, shown_parts, mirror: Mirror, picture, poses, part, view: View, last_view: View, last: Ends, count: int, d_max, tau,
+    max_iter, options: Options,
+):  # fmt: skip
+    """Virtual vertices, where the searches ended, what is reported of each vertex, and how often a sample came back."""
+    star, mesh = mirror.star, mirror.mesh
+    lane = dr.arange(mi.UInt32, count)
+    V = dr.gather(mi.Vector4f, points, lane)
+    active = (mi.UInt32(V.w) != part) & (mi.UInt32(V.w) < shown_parts)
+    V = mi.Point3f(V.x, V.y, V.z)
+    pose = placement.pose_of(poses, part)
+    where = placement.place(pose, V, view)
+
+    # The mirror between eye and vertex hides it for certain if it is convex.
+    rays = options.newton != "off"
+    shadow = newton.shadowed(mesh, where, active) if rays else mi.Bool(False)
+    searched = active & ~shadow if mesh.convex else mi.Bool(active)
+
+    # The triangle, and Newton's method after it.
+    warm = last.warm & ~vertexwise.was_cut(view, last_view)
+    u = dr.gather(mi.Vector3f, last.u, lane)
+    s = secant.solve(options.search, star, where, u, warm, searched, tau, max_iter)
+    R, n, converged, residual, iterations = s.R, s.n, s.converged, s.residual, s.iterations
+    behind = s.behind
+    if rays:
+        goes_on = searched & (mi.Bool(options.newton == "always") | ~s.converged)
+        first, met = newton.located(mesh, star.centre, s.u, goes_on)
+        begins_anew = goes_on & ~(met & s.converged) & ~shadow
+        first = dr.select(begins_anew, newton.best_candidate(mesh, where, begins_anew), first)
+        goes_on &= met | begins_anew
+        walked = newton.walk(mesh, where, first, goes_on, max_iter)
+        R, n = dr.select(goes_on, walked.R, R), dr.select(goes_on, walked.n, n)
+        converged = dr.select(goes_on, walked.converged, converged)
+        residual = dr.select(goes_on, walked.residual, residual)
+        iterations += walked.iterations
+        behind = shadow | (active & ~converged & (dr.dot(where.V - R, n) <= 0))
+    reflected = searched & ~behind & (converged | (residual < search.STRAY))
+    hidden = active & (behind | shadow) & ~reflected
+    u = placement.unit(R - star.centre)
+    R, n = placement.point_to_world(pose, R), placement.normal_to_world(pose, n)
+
+    # Where the images go.
+    if options.hidden == "clamp":
+        edge = placement.point_to_world(pose, secant.outline(star, where, hidden))
+        R = dr.select(hidden, edge, R)
+    on_eye_ray = reflected | hidden if options.hidden == "clamp" else reflected
+    if options.depth == "screen_linear":
+        image = virtual.sorted_by_length(R, dr.norm(V - R), d_max, view)
+    else:
+        image = optics.on_ray(V, R, view.eye)
+    image = dr.select(on_eye_ray, image, V)
+    if options.hidden == "emdt_mirror":
+        texels, camera = picture
+        c, r, visible = search.texel_of(camera, V)
+        visible, P, N = search.fetch(texels, camera, c, r, hidden & visible)
+        image = dr.select(hidden, optics.mirrored(V, dr.select(visible, P, R), dr.select(visible, N, n)), image)
+
+    kind, region = vertexwise.kinds(reflected, hidden)
+    images = virtual.Images(vertexwise.packets(image, kind, lane, count), vertexwise.packets(R, mi.Float(0), lane, count))
+    report = {
+        "R": mi.Point3f(R), "n": mi.Normal3f(n), "virtual": mi.Point3f(image), "converged": mi.Bool(converged),
+        "valid": mi.Bool(converged), "region": region, "iterations": iterations, "residual": mi.Float(residual),
+        "border": dr.zeros(mi.Bool, count),
+    }  # fmt: skip
+    end = Ends(dr.empty(mi.Float, 3 * count), mi.Bool(reflected))
+    dr.scatter(end.u, u, lane)
+    return images, end, report, s.backtracks
