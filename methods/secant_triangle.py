@@ -15,10 +15,10 @@ Where we differ:
   longest edge.
 * `start = "near"` begins with a small triangle where a sphere would reflect V; the paper's begins with one as wide as the angle
   between V and E. `warm` begins at the last frame's answer.
-* `newton = "always"` lets Newton's method on the mirror's own mesh go on from the triangle's last sample, and begin anew where the
-  triangle was lost; "restart" only the latter. It also asks one ray from eye to vertex whether the mirror hides it.
-* The paper is silent on hidden vertices. `hidden = "drop"` leaves their triangles out; "emdt_mirror" mirrors them as Estalella et
-  al. 2006 do; "clamp" puts them on the outline; "cut" ends triangles where they become hidden.
+* `newton = "always"` lets Newton's method on the mirror's own mesh go on from the triangle's last sample, and begin anew where
+  the triangle was lost; "restart" only the latter. It also asks one ray from eye to vertex whether the mirror hides it.
+* The paper is silent on hidden vertices. `hidden = "drop"` leaves their triangles out; "emdt_mirror" mirrors them as Estalella
+  et al. 2006 do; "clamp" puts them on the outline; "cut" ends triangles where they become hidden.
 * `depth = "screen_linear"` is the paper's: triangles span reflection points and are sorted by the distance to what is
   reflected, linear on the screen. "perspective" draws triangles in space, behind the mirror, where each image is.
 * `self_occlusion`: the paper's test against the mirror's nearest back. A convex mirror cannot fail it and is not asked.

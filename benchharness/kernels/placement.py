@@ -1,4 +1,4 @@
-"""Into a mirror's own space and back: where a mirror that moves never changes, so that what is prepared for it once stays true."""
+"""Into a mirror's own space and back. A mirror that moves never changes there: what is prepared for it once stays true."""
 
 from __future__ import annotations
 

@@ -193,8 +193,8 @@ def _roomy(count: int) -> int:
 
 @frozen
 def _prepared(points, faces, face_count: int, view, drawn, cull: str, values):
-    """Per triangle four packets of setup (five with a second value), one of integers (first tile: column, row; tiles across, in all), and the running
-    sum of the tiles."""
+    """Per triangle four packets of setup (five with a second value), one of integers (first tile: column, row; tiles across,
+    in all), and the running sum of the tiles."""
     triangle = dr.arange(mi.UInt32, face_count)
     t = setup(points, faces, triangle, view, mi.Bool(True) if drawn is None else drawn, cull, values)
     owns = sum(dr.select(edge.owns, 1 << k, 0) for k, edge in enumerate(t.edges))

@@ -1,4 +1,4 @@
-"""Secant triangle: the reflection point as the root of a gradient, closed in on by secants (Roger and Holzschuch 2006, 3.2, 3.3).
+"""Secant triangle: the reflection point as the root of a gradient (Roger and Holzschuch 2006, 3.2 and 3.3).
 
 Light from the vertex V by way of the mirror's point P to the eye E travels l(P) = |EP| + |PV|; P reflects V where the gradient
 of l along the mirror vanishes. Three sample points A, B, C on the mirror and their gradients say where it would vanish if
@@ -239,7 +239,9 @@ class Options:
     start: str
 
 
-def solve(options: Options, star: starmap.StarMap, where: Place, last: mi.Vector3f, warm, active, tau, max_iter: Any) -> Solution:
+def solve(
+    options: Options, star: starmap.StarMap, where: Place, last: mi.Vector3f, warm, active, tau, max_iter: Any
+) -> Solution:
     """The reflection point of every active vertex.
 
     last, warm   direction to start around, and where to

@@ -61,7 +61,8 @@ def sorted_by_length(R: mi.Point3f, d_V: mi.Float, d_max: mi.Float, view) -> mi.
 
 
 def draw(
-    images: Images, points, triangles: geometry.Geometry, part, view, p: mi.Point3f, reflector, layer, mirror, drawing: Drawing, back
+    images: Images, points, triangles: geometry.Geometry, part, view, p: mi.Point3f, reflector, layer, mirror,
+    drawing: Drawing, back,
 ):  # fmt: skip
     """What one mirror shows: radiance, length of the reflected ray, coverage, one lane per pixel; 0 where it is not seen.
 
@@ -146,8 +147,8 @@ def _assembled(
     """Vertices, their radiance, triangles, which of them to draw, how near a pixel lets them come, and, where what is behind
     is left out, 1 / depth of the vertices' reflection points.
 
-    With "cut", two slots per triangle: one may become two. The vertices of the scene come first, then two per triangle f, number
-    f and f + face_count of the rest: where it was cut.
+    With "cut", two slots per triangle: one may become two. The vertices of the scene come first, then two per triangle f,
+    number f and f + face_count of the rest: where it was cut.
     """
     vertex_count, count = triangles.vertex_count, triangles.face_count
     f = dr.arange(mi.UInt32, count)
