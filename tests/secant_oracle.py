@@ -32,8 +32,8 @@ class Found:
     converged     stopped and valid
     hidden        the segment from eye to V enters the mirror: on a convex mirror there is no reflection point
     iterations    samples added to the triangle; steps (newton)
-    backtracks    times that a discarded sample came back
-    degenerate    gave up: collinear gradients that no discarded sample could mend, or a new sample in O_r
+    backtracks    times that a discarded sample came back; newton: times that a step was halved
+    degenerate    gave up: collinear gradients that no discarded sample could mend, or a new sample in O_r; newton: no step helps
     residual      |half vector - n|; 2 where there is no half vector
     slope         gradient of l at R over |e|
     """
@@ -160,6 +160,19 @@ def combination(g):
     return np.where(good, (-ac * bb + bc * ab) / safe, 0.0), np.where(good, (-bc * aa + ac * ab) / safe, 0.0), relative
 
 
+def place_for_lost(g, lost_g, has_lost, newest):
+    """(k [N], relative determinant [N]): the sample whose place a discarded one takes best; never the newest (-1: none is).
+
+    Without a discarded sample the determinant is -1.
+    """
+    mended = np.full((len(g), 3), -1.0)
+    for k in range(3):
+        trial = g.copy()
+        trial[:, k] = lost_g
+        mended[:, k] = np.where(has_lost & (newest != k), combination(trial)[2], -1.0)
+    return mended.argmax(axis=1), mended.max(axis=1)
+
+
 def secant(
     shape: Star,
     eye,
@@ -198,16 +211,11 @@ def secant(
         if step == max_iter or not active.any():
             break
 
-        # Collinear gradients: bring the last discarded sample back, in place of the one that mends most, but not of the newest.
+        # Collinear gradients: bring the last discarded sample back.
         flat = active & ~(combination(g)[2] > FLAT)
         if flat.any():
-            mended = np.full((len(V), 3), -1.0)
-            for k in range(3):
-                trial = g.copy()
-                trial[:, k] = lost_g
-                mended[:, k] = np.where(has_lost & (newest != k), combination(trial)[2], -1.0)
-            k = mended.argmax(axis=1)
-            back = flat & (mended.max(axis=1) > FLAT)
+            k, mended = place_for_lost(g, lost_g, has_lost, newest)
+            back = flat & (mended > FLAT)
             degenerate |= flat & ~back
             i, k = rows[back], k[back]
             out_u, out_g = u[i, k].copy(), g[i, k].copy()
@@ -266,7 +274,7 @@ def newton(shape: Star, eye, V, u=None, *, max_iter: int = 40, tol: float = 1e-1
     """Reflection points of V [N, 3] by Newton's method on l, from directions u [N, 3] (None: the bisector).
 
     A step solves the signed Hessian, so that minima, saddles and maxima of l are all found; it is halved until |half vector - n|
-    falls. Radial projection brings it back to the surface. Stops when the tangential half vector is below `tol`.
+    falls. Radial projection brings it back to the surface. Stops where the gradient is below `tol` |e|.
     """
     eye, V = np.asarray(eye, float), np.asarray(V, float)
     u = bisector(shape, eye, V) if u is None else np.array(u, float)
@@ -274,7 +282,10 @@ def newton(shape: Star, eye, V, u=None, *, max_iter: int = 40, tol: float = 1e-1
     iterations, halvings = np.zeros(len(V), int), np.zeros(len(V), int)
     for _ in range(max_iter):
         g, H, T, h = _local(shape, eye, V, u)
-        stopped |= np.linalg.norm(g, axis=1) <= tol * np.maximum(np.linalg.norm(h, axis=1), 1e-3)
+        nearest = np.minimum(np.linalg.norm(V - shape.P(u), axis=1), np.linalg.norm(eye - shape.P(u), axis=1))
+        rounding = 1e-3 * shape.r(u)[:, 0] / np.maximum(nearest, 1e-300)  # directions over a short distance have fewer digits
+        small = np.linalg.norm(g, axis=1) <= tol * (1 + rounding) * np.maximum(np.linalg.norm(h, axis=1), 1e-3)
+        stopped |= small & (nearest > 0)
         active = ~stopped & ~stuck
         if not active.any():
             break
