@@ -5,9 +5,12 @@ With e = unit(P - eye) + unit(P - V), moving P by dP changes l by e . dP; on P(u
 (u . e) grad r + e - (u . e) u. Equation (1) of the paper, (grad r . e) u + e - (u . e) u, is that matrix transposed: right only
 where grad r = 0.
 
-The secant method keeps three samples of the surface with their gradients, interpolates the gradient linearly over their triangle,
-and replaces the worst sample by the surface point under the interpolation's smallest value, until the triangle is small on the
-screen. A small triangle proves nothing (a sliver has no area), so the answer is checked afterwards. Slow and plain on purpose.
+The secant method keeps three samples of the surface with their gradients, interpolates the gradient linearly over their
+triangle, and replaces the worst sample by the surface point under the interpolation's smallest value, until the triangle is
+small on the screen. A small triangle proves nothing (a sliver has no area), so the answer is checked afterwards.
+
+Where the paper is silent: when a discarded sample comes back, the step is taken in the same iteration; of the last three
+samples, the one with the smallest gradient is the answer.
 """
 
 from __future__ import annotations
@@ -33,7 +36,7 @@ class Found:
     hidden        the segment from eye to V enters the mirror: on a convex mirror there is no reflection point
     iterations    samples added to the triangle; steps (newton)
     backtracks    times that a discarded sample came back; newton: times that a step was halved
-    degenerate    gave up: collinear gradients that no discarded sample could mend, or a new sample in O_r; newton: no step helps
+    degenerate    gave up: collinear gradients that no discarded sample mends, or a new sample in O_r; newton: no step helps
     residual      |half vector - n|; 2 where there is no half vector
     slope         gradient of l at R over |e|
     """
@@ -195,7 +198,7 @@ def secant(
     eye, V = np.asarray(eye, float), np.asarray(V, float)
     O, rows = np.asarray(shape.origin), np.arange(len(V))
     forward = unit(O - eye) if forward is None else np.asarray(forward, float)
-    tau = TAU[stop] if tau is None else tau
+    tau = TAU.get(stop) if tau is None else tau
 
     u = first_triangle(shape, eye, V, start)
     g, _ = gradient(shape, eye, V[:, None], u, residual)
@@ -273,8 +276,8 @@ def _judged(shape, eye, V, u, stopped, degenerate, iterations, backtracks) -> Fo
 def newton(shape: Star, eye, V, u=None, *, max_iter: int = 40, tol: float = 1e-12) -> Found:
     """Reflection points of V [N, 3] by Newton's method on l, from directions u [N, 3] (None: the bisector).
 
-    A step solves the signed Hessian, so that minima, saddles and maxima of l are all found; it is halved until |half vector - n|
-    falls. Radial projection brings it back to the surface. Stops where the gradient is below `tol` |e|.
+    A step solves the signed Hessian, so that minima, saddles and maxima of l are all found; it is halved until
+    |half vector - n| falls. Radial projection brings it back to the surface. Stops where the gradient is below `tol` |e|.
     """
     eye, V = np.asarray(eye, float), np.asarray(V, float)
     u = bisector(shape, eye, V) if u is None else np.array(u, float)
@@ -349,7 +352,7 @@ def _solved(H, g):
 
 
 def solve(shape: Star, eye, V, **options) -> Found:
-    """Secant triangles, then Newton's method: from the answer where it is valid, from the bisector where not; iterations add up."""
+    """Secant triangles, then Newton's method from their answer where it is valid, else from the bisector; iterations of both."""
     eye, V = np.asarray(eye, float), np.asarray(V, float)
     rough = secant(shape, eye, V, **options)
     u = np.where(rough.converged[:, None], rough.u, bisector(shape, eye, V))

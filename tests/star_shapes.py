@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import trimesh
@@ -39,7 +40,7 @@ class Star(ABC):
     @abstractmethod
     def local_grad(self, u): ...
 
-    @property
+    @cached_property
     def axes(self):
         """Rotation [3, 3] from the shape's axes to the world's: world = axes @ local, as rows: local @ axes.T."""
         return Rotation.from_rotvec(self.turn).as_matrix()

@@ -1,4 +1,4 @@
-"""The secant triangle's parts and whole: against finite differences, least squares, closed forms, and what it did when measured first."""
+"""The secant triangle's parts against finite differences and least squares; its whole against known reflection points."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 import secant_oracle as oracle
-from scipy.spatial.transform import Rotation
-from secant_oracle import bisector, combination, gradient, newton, on_screen, place_for_lost, secant, size_px, solve
-from star_shapes import Bumpy, Cylinder, Ellipsoid, Sphere, hidden, leaves, truths
-from truth_shapes import alhazen, unit
+from secant_oracle import combination, gradient, on_screen, place_for_lost, secant, size_px, solve
+from star_shapes import Bumpy, Ellipsoid, Sphere, hidden, truths
+from truth_shapes import unit
 
 EYE, FORWARD, FPX = np.array([0.0, 0.0, 4.0]), np.array([0.0, 0.0, -1.0]), 800.0
 MOVED = {"origin": (0.3, -0.2, 0.5), "turn": (0.4, -0.7, 0.2)}
@@ -44,7 +43,7 @@ def test_the_gradient_is_how_the_paths_length_changes(shape):
     def length(u):
         return np.linalg.norm(shape.P(u) - EYE, axis=1) + np.linalg.norm(shape.P(u) - V, axis=1)
 
-    g, e = gradient(shape, EYE, V, u)
+    g, _ = gradient(shape, EYE, V, u)
     # Turning u by h moves the surface by h r: dl = r (grad l . t) h. Differences: h² l''' ~ 1e-9.
     by_differences = (length(unit(u + h * t)) - length(unit(u - h * t))) / (2 * h)
     np.testing.assert_allclose(shape.r(u)[:, 0] * (g * t).sum(axis=1), by_differences, atol=1e-7)
@@ -55,25 +54,24 @@ def test_the_gradient_is_how_the_paths_length_changes(shape):
     np.testing.assert_allclose((along * shape.n(u)).sum(axis=1), 0, atol=1e-14)
 
 
-def printed(shape, V, u):
+def printed(shape, eye, V, u):
     """Equation (1) as the paper has it."""
-    P = shape.P(u)
-    e = unit(P - EYE) + unit(P - V)
+    e = unit(shape.P(u) - eye) + unit(shape.P(u) - V)
     return (shape.grad_r(u) * e).sum(axis=1, keepdims=True) * u + e - (u * e).sum(axis=1, keepdims=True) * u
 
 
 def test_at_reflection_points_our_gradient_vanishes_and_the_printed_one_does_not():
-    shape = Ellipsoid(half=(1.0, 0.6, 1.7))
-    V, R = truths(shape, EYE, 2, 300)
+    shape, eye = Ellipsoid(half=(1.0, 0.6, 1.7)), np.array([0.0, 4.0, 0.0])
+    V, R = truths(shape, eye, 2, 300)
     u = shape.direction(R)
     for residual in ("param", "surface"):
-        assert np.linalg.norm(gradient(shape, EYE, V, u, residual)[0], axis=1).max() < 1e-13
-    wrong = np.linalg.norm(printed(shape, V, u), axis=1)
+        assert np.linalg.norm(gradient(shape, eye, V, u, residual)[0], axis=1).max() < 1e-13
+    wrong = np.linalg.norm(printed(shape, eye, V, u), axis=1)
     assert wrong.min() > 1e-3
     assert wrong.mean() > 0.5
     # On a sphere about O_r, and only there, they are one.
     ball, w = Sphere(), unit(V)
-    np.testing.assert_allclose(printed(ball, V, w), gradient(ball, EYE, V, w)[0], atol=1e-14)
+    np.testing.assert_allclose(printed(ball, EYE, V, w), gradient(ball, EYE, V, w)[0], atol=1e-14)
 
 
 # One step.
@@ -96,11 +94,14 @@ def test_the_combination_is_the_least_squares_solution():
 
 
 def test_a_combination_by_hand():
-    # Gradients (2, 0), (0, 2), (1, 1) off by 1 in z cannot vanish; their plane is nearest to 0 where x = y = 1: any point of
-    # the line is collinear. With (0, 0) for C, alpha = beta = 0 already vanishes.
-    g = np.array([[[2, 0, 1], [0, 2, 1], [1, 1, 1]], [[2, 0, 0], [0, 2, 0], [0, 0, 0]], [[2, 0, 1], [0, 2, 1], [4, 4, 1]]], float)
-    alpha, beta, relative = combination(g)
-    # Third: a = (-2, -4, 0), b = (-4, -2, 0), c = (4, 4, 1): alpha = beta = 2/3 leaves (0, 0, 1); sin² of (20, 16) is 0.36.
+    # First: on one line. Second: C's gradient is 0 already. Third: a plane at height 1, (0, 0, 1) is the least of it;
+    # a = (-2, -4, 0), b = (-4, -2, 0), c = (4, 4, 1), alpha = beta = 2/3; 1 - (16 / 20)² = 0.36.
+    line, corner, plane = (
+        [[2, 0, 1], [0, 2, 1], [1, 1, 1]],
+        [[2, 0, 0], [0, 2, 0], [0, 0, 0]],
+        [[2, 0, 1], [0, 2, 1], [4, 4, 1]],
+    )
+    alpha, beta, relative = combination(np.array([line, corner, plane], float))
     np.testing.assert_allclose(alpha, [0, 0, 2 / 3], atol=1e-15)
     np.testing.assert_allclose(beta, [0, 0, 2 / 3], atol=1e-15)
     np.testing.assert_allclose(relative, [0, 1, 0.36], atol=1e-15)
@@ -139,8 +140,8 @@ def test_the_first_triangle_is_as_the_paper_has_it():
 
 
 # The whole: what was measured when the method was specified, and what it does here. Eye at 4, focal length 800 px, 300 vertices
-# each, made from points with cosines of incidence in a class. Per stop: mean iterations, wrong (stopped more than 2 px off), not
-# stopped. None: not measured then.
+# each, made from points with cosines of incidence in a class. Per stop: mean iterations, wrong (stopped more than 2 px off),
+# not stopped. None: not measured then.
 
 TABLE = {
     ("sphere", 0.5, 1.0): {"area": (5.4, 26, 0), "edge": (7.0, 6, 2)},
@@ -151,6 +152,7 @@ TABLE = {
     ("ellipsoid", 0.02, 0.2): {"area": (14.7, 63, 33), "edge": (16.8, 12, 35)},
 }
 MIRRORS = {"sphere": Sphere(), "ellipsoid": Ellipsoid(half=(1.0, 0.6, 1.4))}
+STARTS = ["paper", "bisector"]
 
 
 @cache
@@ -158,80 +160,105 @@ def classed(name, low, high):
     return truths(MIRRORS[name], EYE, 0, 300, low, high)
 
 
+@cache
+def answered(name, low, high, stop, start="paper"):
+    """(found, its error in px)."""
+    V, R = classed(name, low, high)
+    found = secant(MIRRORS[name], EYE, V, stop=stop, start=start, fpx=FPX)
+    return found, off_px(found, R)
+
+
+def show(title, found, off, then):
+    wrong = found.stopped & (off > 2)
+    print(
+        f"\n{title} | iterations {found.iterations.mean():4.1f} p95 {np.percentile(found.iterations, 95):2.0f}"
+        f" | px median {np.median(off):.2f} p95 {np.percentile(off, 95):6.2f} max {off.max():6.1f}"
+        f" | wrong {wrong.sum():2} caught {(wrong & ~found.valid).sum():2} | not stopped {(~found.stopped).sum():2}"
+        f" | converged {found.converged.sum()} | {then}"
+    )
+
+
 @pytest.mark.parametrize("stop", ["area", "edge"])
 @pytest.mark.parametrize(("name", "low", "high"), TABLE)
 def test_iterations_and_failures_are_those_measured_before(name, low, high, stop):
-    V, R = classed(name, low, high)
-    found = secant(MIRRORS[name], EYE, V, stop=stop, fpx=FPX)
-    off = off_px(found, R)
+    found, off = answered(name, low, high, stop)
     wrong, never = found.stopped & (off > 2), ~found.stopped
-    polished = solve(MIRRORS[name], EYE, V, stop=stop, fpx=FPX)
-    print(
-        f"\n{name:9} {low:4}-{high:<3} {stop:4} | iterations {found.iterations.mean():4.1f} p95 {np.percentile(found.iterations, 95):2.0f}"
-        f" | px median {np.median(off):.2f} p95 {np.percentile(off, 95):6.2f} max {off.max():6.1f}"
-        f" | wrong {wrong.sum():2} caught {(wrong & ~found.valid).sum():2} | not stopped {never.sum():2}"
-        f" | polished {off_px(polished, R).max():.0e} px, {polished.iterations.mean():.1f} | before: {TABLE[name, low, high][stop]}"
-    )
+    show(f"{name:9} {low:4}-{high:<3} {stop:4}", found, off, f"before: {TABLE[name, low, high][stop]}")
     assert all_finite(found)
     if TABLE[name, low, high][stop] is not None:
         mean, wrong_before, never_before = TABLE[name, low, high][stop]
-        # Other vertices, with other distances. Head-on, iterations spread by 1.5: the mean of 300 by 0.1. Grazing, one in 15 runs
-        # to 60: that share's spread of 1.4 % times 50 is 0.7, on both sides together 1 of 14.
+        # Other vertices, at other distances. Head-on, iterations spread by 1.5, the mean of 300 by 0.1. Grazing, one in 15
+        # runs to 60: the spread of that share, 1.4 %, times 50 is 0.7; of the difference of two such means, 1 in 14.
         assert found.iterations.mean() == pytest.approx(mean, rel=0.10 if low >= 0.2 else 0.15)
-        # Counts spread like their roots; four times the spread of their difference, at least one more on both sides.
+        # Counts spread like their roots: four times the spread of their difference, as if one more were on both sides.
         for now, before in [(wrong.sum(), wrong_before), (never.sum(), never_before)]:
             assert abs(now - before) < 4 * np.sqrt(now + before + 2)
-    # The area does not bound the error, edges nearly do; what is wrong is seen by the check afterwards.
-    assert wrong.sum() < (0.3 if stop == "area" else 0.1) * len(V)
-    assert (wrong & found.valid).sum() == 0 if low >= 0.2 else (wrong & found.valid).sum() <= 3
-    assert off[found.converged].max() < 2
-    assert found.converged.mean() > 0.6
-    # Restarted where invalid, and polished always.
-    assert polished.converged.all()
-    assert off_px(polished, R).max() < 1e-6
-    assert polished.residual.max() < 1e-9
+    # What is wrong is seen by the check afterwards; grazing, three got through when it was measured first.
+    assert (wrong & found.valid).sum() <= (0 if low >= 0.2 else 3)
+    # The check is on angles: grazing, where |e| is small and the area is fooled, it lets only every second pass.
+    assert found.converged.mean() > {"area": 0.35, "edge": 0.75}[stop]
 
 
 def test_an_area_is_fooled_where_edges_are_not():
     wrong = {}
     for stop in ("area", "edge"):
-        off = [(secant(MIRRORS[name], EYE, classed(name, low, high)[0], stop=stop), classed(name, low, high)[1])
-               for name, low, high in TABLE]  # fmt: skip
-        wrong[stop] = sum((found.stopped & (off_px(found, R) > 2)).sum() for found, R in off)
+        found = [answered(*case, stop) for case in TABLE]
+        wrong[stop] = sum((one.stopped & (off > 2)).sum() for one, off in found)
     assert wrong["area"] > 3 * wrong["edge"] > 0
 
 
-@pytest.mark.parametrize("start", ["paper", "bisector"])
-@pytest.mark.parametrize("residual", ["param", "surface"])
-def test_either_gradient_and_either_start_find_the_same_points(residual, start):
-    for name, low, high in [("sphere", 0.2, 0.5), ("ellipsoid", 0.2, 0.5)]:
-        V, R = classed(name, low, high)
-        found = secant(MIRRORS[name], EYE, V, stop="edge", residual=residual, start=start)
-        print(f"\n{name} {residual} {start}: {found.iterations.mean():.2f} iterations, {(~found.converged).sum()} not converged")
+@pytest.mark.parametrize("stop", ["area", "edge"])
+@pytest.mark.parametrize("start", STARTS)
+@pytest.mark.parametrize(("name", "low", "high"), TABLE)
+def test_restarted_and_polished_all_are_exact(name, low, high, start, stop):
+    V, R = classed(name, low, high)
+    polished = solve(MIRRORS[name], EYE, V, stop=stop, start=start, fpx=FPX)
+    print(
+        f"\n{name} {low}-{high} {stop} {start}: {off_px(polished, R).max():.0e} px, {polished.iterations.mean():.1f} iterations"
+    )
+    assert polished.converged.all()
+    assert off_px(polished, R).max() < 1e-6  # px; a gradient of 1e-12, through the flattest direction
+    assert polished.residual.max() < 1e-9
+
+
+@pytest.mark.parametrize("stop", ["area", "edge"])
+def test_from_the_bisector_it_takes_fewer_iterations_and_fails_less(stop):
+    failures = {start: 0 for start in STARTS}
+    for case in TABLE:
+        (found, off), (paper, _) = answered(*case, stop, "bisector"), answered(*case, stop)
+        show(
+            f"{case[0]:9} {case[1]:4}-{case[2]:<3} {stop:4} bisector",
+            found,
+            off,
+            f"paper's start: {paper.iterations.mean():.1f}",
+        )
+        # The triangle is at most a quarter as large and around the sphere's own plane of reflection.
+        assert found.iterations.mean() < paper.iterations.mean() - 1
+        failures["bisector"] += (~found.converged).sum()
+        failures["paper"] += (~paper.converged).sum()
+    assert failures["bisector"] < 0.7 * failures["paper"]
+
+
+@pytest.mark.parametrize("start", STARTS)
+def test_either_gradient_leads_to_the_same_points(start):
+    for name in MIRRORS:
+        V, R = classed(name, 0.2, 0.5)
+        found = secant(MIRRORS[name], EYE, V, stop="edge", residual="surface", start=start)
+        show(
+            f"{name} {start} surface",
+            found,
+            off_px(found, R),
+            f"param: {answered(name, 0.2, 0.5, 'edge', start)[0].iterations.mean():.1f}",
+        )
         assert off_px(found, R)[found.converged].max() < 2
         assert found.converged.mean() > 0.9
-        assert found.iterations.mean() < (10 if start == "paper" else 6.5)
-
-
-def test_newton_alone_needs_few_steps_and_its_error_squares():
-    for name, low, high in TABLE:
-        V, R = classed(name, low, high)
-        found = newton(MIRRORS[name], EYE, V)
-        assert found.converged.all()
-        assert off_px(found, R).max() < 1e-6
-        assert found.iterations.mean() < 5
-        # From 0.01 off, one step leaves the square of that times a constant.
-        u = unit(MIRRORS[name].direction(R) + 0.01 * oracle.any_tangent(unit(R)))
-        one = [np.median(newton(MIRRORS[name], EYE, V, v, max_iter=1).slope) for v in (u, unit(u + unit(R)))]
-        assert 3 < one[0] / one[1] < 5  # half the way off, a quarter of the slope
-
-
-# Hidden vertices, closed forms, degenerate places.
+        assert found.iterations.mean() < 10
 
 
 def test_hidden_vertices_are_never_valid_and_end_where_the_segment_enters():
-    V = around(5, 6000)
+    V = around(5, 3000)
     V = V[hidden(Sphere(), EYE, V)][:200]
+    assert len(V) == 200
     along = unit(V - EYE)
     b = along @ EYE
     pierced = EYE + (-b[:, None] + np.sqrt(b**2 - 15)[:, None] * [-1, 1])[..., None] * along[:, None]
@@ -245,81 +272,6 @@ def test_hidden_vertices_are_never_valid_and_end_where_the_segment_enters():
         # Most end on the way to where e = 0: there the gradient vanishes without any reflection.
         assert 90 < near.sum() < 180
         assert not solve(Sphere(), EYE, V, stop=stop).converged.any()
-
-
-@pytest.mark.parametrize("shape", [Sphere(), Sphere(centre=(0.3, -0.2, 0.4), origin=(-0.3, 0.2, -0.4))], ids=["centred", "off"])
-def test_on_a_sphere_the_points_are_alhazens_wherever_its_origin(shape):
-    V = around(6, 120)
-    found = solve(shape, EYE, V, stop="edge")
-    np.testing.assert_array_equal(found.converged, ~found.hidden)
-    seen = np.flatnonzero(found.converged)
-    assert len(seen) > 90
-    np.testing.assert_allclose(found.R[seen], [alhazen(EYE, V[i]) for i in seen], atol=1e-10)
-
-
-def test_on_a_cylinder_the_points_are_the_circles_at_heights_by_the_ways_ratio():
-    V, _ = truths(Cylinder(), np.array([3.0, 1.0, 0.5]), 7, 100, 0.1)
-    eye = np.array([3.0, 1.0, 0.5])
-    found = solve(Cylinder(), eye, V, stop="edge")
-    flat = [1.0, 1.0, 0.0]
-    R = np.array([alhazen(eye * flat, v * flat) for v in V])
-    to_eye, to_V = np.linalg.norm(eye * flat - R, axis=1), np.linalg.norm(V * flat - R, axis=1)
-    R[:, 2] = (eye[2] * to_V + V[:, 2] * to_eye) / (to_eye + to_V)
-    assert found.converged.all()
-    np.testing.assert_allclose(found.R, R, atol=1e-9)
-
-
-SOMEWHERE = np.array([0.3, -0.2, 0.9])  # of the sphere's lit side, to be made unit
-PLACES = {
-    # place: (V, reflection point or None). On the axis, R is under the eye.
-    "on the axis": ((0, 0, 3), (0, 0, 1)),
-    "in the eye": ((0, 0, 4), (0, 0, 1)),
-    "behind the eye": ((0, 0, 9), (0, 0, 1)),
-    "hidden on the axis": ((0, 0, -3), None),
-    "the antipode": ((0, 0, -1), None),
-    "the origin": ((0, 0, 0), None),
-    "inside": ((0.3, 0.1, 0.4), None),
-    "on the surface": (tuple(unit(SOMEWHERE)), None),
-    "a hundredth above": (tuple(1.01 * unit(SOMEWHERE)), "law"),
-    "a millionth above": (tuple((1 + 1e-6) * unit(SOMEWHERE)), "law"),
-    "a million away": ((3e5, -9e5, 1e4), "law"),
-    "a million away and hidden": ((0, 1e5, -1e6), None),
-}
-
-
-@pytest.mark.parametrize("stop", ["area", "edge"])
-@pytest.mark.parametrize("start", ["paper", "bisector"])
-@pytest.mark.parametrize("place", PLACES)
-def test_degenerate_places_are_finite_and_honest(place, start, stop):
-    V, R = PLACES[place]
-    V = np.array([V], float)
-    found, polished = (f(Sphere(), EYE, V, stop=stop, start=start) for f in (secant, solve))
-    assert all_finite(found)
-    assert all_finite(polished)
-    assert found.iterations[0] <= 60
-    if found.converged[0]:
-        assert found.slope[0] < 1e-2
-    if R is None:
-        assert not found.converged[0]
-        assert not polished.converged[0]
-        assert found.hidden[0] or place == "on the surface"
-    else:
-        assert polished.converged[0]
-        assert not polished.hidden[0]
-        assert polished.residual[0] < 1e-8
-        np.testing.assert_allclose(polished.R[0], alhazen(EYE, V[0]) if R == "law" else R, atol=1e-9)
-
-
-def test_far_vertices_reflect_like_directions():
-    # In the limit w_V is the direction itself: bisect unit(w_E + d) = n, with Alhazen's way for 1e9.
-    d = unit(np.array([3.0, -9.0, 0.1]))
-    far = [solve(Sphere(), EYE, t * d[None], stop="edge").R[0] for t in (1e4, 1e6, 1e8)]
-    limit = alhazen(EYE, 1e12 * d)
-    off = [np.linalg.norm(R - limit) for R in far]
-    assert off[0] < 1e-4
-    assert off[1] < 1e-6
-    assert off[2] < 1e-8
-    np.testing.assert_allclose(unit(unit(EYE - limit) + d), limit, atol=1e-10)
 
 
 def test_collinear_gradients_without_history_give_up_and_with_history_backtrack():
@@ -337,80 +289,8 @@ def test_collinear_gradients_without_history_give_up_and_with_history_backtrack(
     np.testing.assert_allclose(found.R[0], [0, 0, 1], atol=1e-12)
 
 
-@pytest.mark.parametrize("shape", [Ellipsoid, Bumpy])
-def test_rigid_motion_of_everything_moves_the_points_with_it(shape):
-    turn, move = Rotation.from_rotvec(MOVED["turn"]).as_matrix(), np.asarray(MOVED["origin"])
-    V, _ = truths(shape(), EYE, 8, 100)
-    V[0] = V[1] * [1e-9, 1e-9, 1] if shape is Ellipsoid else V[0]  # over the pole
-    here, there = solve(shape(), EYE, V, stop="edge"), solve(shape(**MOVED), turn @ EYE + move, V @ turn.T + move, stop="edge")
-    np.testing.assert_array_equal(here.converged, there.converged)
-    ok = here.converged
-    np.testing.assert_allclose(there.R[ok], here.R[ok] @ turn.T + move, atol=1e-8)
-
-
-# A star that is not convex.
-
-
-def test_on_a_bumpy_star_newton_returns_to_minima_saddles_and_maxima():
-    shape = Bumpy(eps=0.3)
-    V, R = truths(shape, EYE, 9, 300)
-    g, H, _, _ = oracle._local(shape, EYE, V, shape.direction(R))
-    assert np.linalg.norm(g, axis=1).max() < 1e-12
-    values = np.linalg.eigvalsh(H)
-    saddle, maximum = (values[:, 0] < 0) & (values[:, 1] > 0), values[:, 1] < 0
-    assert saddle.sum() > 20
-    assert maximum.sum() > 0
-    away = 1e-2 * oracle.any_tangent(shape.direction(R))
-    found = newton(shape, EYE, V, unit(shape.direction(R) + away))
-    back = np.linalg.norm(found.R - R, axis=1) < 1e-6
-    # A hundredth may be over a fold of the image where an eigenvalue is small; elsewhere all return.
-    steep = np.abs(values).min(axis=1) > 0.1
-    assert back[steep].all()
-    assert steep[saddle].sum() > 20
-    assert back.mean() > 0.95
-
-
-@every_shape
-def test_newtons_hessian_is_the_second_derivative_of_length_at_reflection_points(shape):
-    V, R = truths(shape, EYE, 10, 100, 0.1)
-    g, H, T, _ = oracle._local(shape, EYE, V, shape.direction(R))
-    h = 1e-4
-
-    def length(a, b):  # where the gradient vanishes, any way back to the surface gives the same second derivative
-        P = shape.P(shape.direction(R + h * (a * T[:, 0] + b * T[:, 1])))
-        return np.linalg.norm(P - EYE, axis=1) + np.linalg.norm(P - V, axis=1)
-
-    first = (length(1, 0) - 2 * length(0, 0) + length(-1, 0)) / h**2
-    second = (length(0, 1) - 2 * length(0, 0) + length(0, -1)) / h**2
-    mixed = (length(1, 1) - length(1, -1) - length(-1, 1) + length(-1, -1)) / (4 * h**2)
-    # h² l'''' with d_V from 0.1: 1e-8 · 1e3; rounding 1e-15 / h² = 1e-7.
-    for seen, value in [(first, H[:, 0, 0]), (second, H[:, 1, 1]), (mixed, H[:, 0, 1])]:
-        np.testing.assert_allclose(seen, value, atol=1e-4)
-
-
-def test_on_a_bumpy_star_what_converges_obeys_the_law_and_often_is_the_point_it_was_made_from():
-    V, R = truths(Bumpy(eps=0.1), EYE, 11, 200)
-    found = solve(Bumpy(eps=0.1), EYE, V, stop="edge")
-    np.testing.assert_allclose(found.R[found.converged], R[found.converged], atol=1e-8)
-    assert found.converged.mean() > 0.98
-    shape = Bumpy(eps=0.3)
-    V, R = truths(shape, EYE, 11, 200)
-    for start in ("paper", "bisector"):
-        found = solve(shape, EYE, V, stop="edge", start=start)
-        ok = found.converged
-        h = unit(unit(EYE - found.R) + unit(V - found.R))
-        np.testing.assert_allclose(h[ok], shape.normal(found.R)[ok], atol=1e-9)
-        same = np.linalg.norm(found.R - R, axis=1) < 1e-6
-        # Other points are reflections too, some behind another lobe: a vertex has several.
-        print(f"\nbumpy 0.3, {start}: {ok.mean():.2f} converged, {same.mean():.2f} to the point they were made from")
-        assert ok.mean() > 0.8
-        assert same.mean() > 0.4
-        assert not leaves(shape, found.R[ok & ~same], EYE).all()
-
-
 def test_options_that_do_not_exist_are_refused():
     V = np.array([[0.0, 0.0, 3.0]])
-    for wrong, accepted in [({"residual": "printed"}, "'surface'"), ({"stop": "never"}, "'edge'"), ({"start": "x"}, "'bisector'")]:
+    for option, accepted in [("residual", "'surface'"), ("stop", "'edge'"), ("start", "'bisector'")]:
         with pytest.raises(ValueError, match=accepted):
-            secant(Sphere(), EYE, V, **wrong)  # type: ignore[arg-type]
-    np.testing.assert_allclose(bisector(Sphere(), EYE, V), [[0, 0, 1]])
+            secant(Sphere(), EYE, V, **{option: "other"})
