@@ -352,7 +352,7 @@ def _solved(H, g):
 
 
 def solve(shape: Star, eye, V, **options) -> Found:
-    """Secant triangles, then Newton's method from their answer where it is valid, else from the bisector; iterations of both."""
+    """Secant triangles, then Newton's method from their answer where it converged, else from the bisector; counts of both."""
     eye, V = np.asarray(eye, float), np.asarray(V, float)
     rough = secant(shape, eye, V, **options)
     u = np.where(rough.converged[:, None], rough.u, bisector(shape, eye, V))

@@ -185,6 +185,7 @@ def test_iterations_and_failures_are_those_measured_before(name, low, high, stop
     wrong, never = found.stopped & (off > 2), ~found.stopped
     show(f"{name:9} {low:4}-{high:<3} {stop:4}", found, off, f"before: {TABLE[name, low, high][stop]}")
     assert all_finite(found)
+    assert not found.hidden.any()  # what is reflected by a convex mirror is not behind it
     if TABLE[name, low, high][stop] is not None:
         mean, wrong_before, never_before = TABLE[name, low, high][stop]
         # Other vertices, at other distances. Head-on, iterations spread by 1.5, the mean of 300 by 0.1. Grazing, one in 15
@@ -287,6 +288,47 @@ def test_collinear_gradients_without_history_give_up_and_with_history_backtrack(
     assert found.backtracks[0] == 59
     assert not found.stopped[0]
     np.testing.assert_allclose(found.R[0], [0, 0, 1], atol=1e-12)
+
+
+def test_a_sample_in_the_origin_gives_up(monkeypatch):
+    # Eye and V opposite: the sphere's gradients at u and -u are opposite, so their mean vanishes, in O_r, whatever C is.
+    u = unit(np.array([[[1.0, 0.0, 1.0], [-1.0, 0.0, -1.0], [0.3, 1.0, 0.2]]]))
+    monkeypatch.setattr(oracle, "first_triangle", lambda *_: u.copy())
+    found = secant(Sphere(), EYE, -EYE[None], stop="edge")
+    assert found.degenerate[0]
+    assert found.iterations[0] == 0
+    assert not found.stopped[0]
+    assert all_finite(found)
+
+
+def towards(cos, side):
+    """A unit vector in the x, z plane with that cosine to z."""
+    return np.array([side * np.sqrt(1 - cos**2), 0.0, cos])
+
+
+@pytest.mark.parametrize(
+    ("cos_eye", "cos_V", "valid"),
+    [
+        (0.500, 0.500, True),
+        (0.500, 0.500 + 0.01, True),  # the half vector is off by half of asin's difference, 0.0058
+        (0.500, 0.500 + 0.02, False),  # 0.0117: above 1 %
+        (0.0001, 0.018, True),  # 0.0089
+        (-0.0001, 0.018, False),  # the eye is behind
+        (0.018, -0.0001, False),  # V is
+        (0.0006, 0.0006, True),  # |e| = 0.0012
+        (0.0004, 0.0004, False),  # 0.0008: between eye and V rather than a reflection
+    ],
+)
+def test_an_answer_is_valid_by_both_sides_its_gradient_and_the_length_of_e(cos_eye, cos_V, valid):
+    north = np.array([0.0, 0.0, 1.0])
+    eye, V = north + 3 * towards(cos_eye, 1), north + 2 * towards(cos_V, -1)
+    none = np.zeros(1, int)
+    judged = oracle._judged(Sphere(), eye, V[None], north[None], none == 0, none == 1, none, none)
+    assert judged.valid[0] == judged.converged[0] == valid
+    off = abs(np.arcsin(cos_V) - np.arcsin(cos_eye)) / 2
+    assert judged.slope[0] == pytest.approx(np.sin(off), abs=1e-9)
+    if cos_eye + cos_V > 0:
+        assert judged.residual[0] == pytest.approx(2 * np.sin(off / 2), abs=1e-9)
 
 
 def test_options_that_do_not_exist_are_refused():
