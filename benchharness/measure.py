@@ -231,6 +231,7 @@ class Bench:
             distance = np.concatenate(off)
             known = distance[np.isfinite(distance)]
             record["residual_px"] = float(np.median(known)) if len(known) else None
+            record["residual_px_max"] = float(known.max()) if len(known) else None
             record["wrong_ratio"] = float((known > WRONG_PX).mean()) if len(known) else None
             if len(frames) == RUN_UP + 1:
                 record["jitter_px"] = metrics.jitter_px(np.concatenate(errors, axis=1))

@@ -35,9 +35,10 @@ COLUMNS = (
     "rmse relmse flip flip_p95 coverage nonfinite_px distance_err "
     "residual_px converged_ratio wrong_ratio iterations_mean iterations_max temporal_diff jitter_px "
     "reference_lighting reference_spp reference_noise config_hash method_hash scene_hash environment "
-    "calibration_ms ppd counters"
+    "calibration_ms ppd counters residual_px_max"
 ).split()
-"""Columns of results.csv, in order. `counters` is the canonical `name=value` list; `calibration_ms` the fixed kernel;
+"""Columns of results.csv, in order. `residual_px` is a median over vertices; `counters` is the canonical `name=value` list;
+`calibration_ms` the fixed kernel;
 `reference_noise` the mean FLIP inside the mask that the reference's own noise causes (the unit of `flip`)."""
 
 REQUIRED = COLUMNS[: COLUMNS.index("environment") + 1]
@@ -59,7 +60,7 @@ TEXTS = frozenset(
 TIMES = "prepare_ms update_ms shade_ms shade_ms_lo shade_ms_hi kernel_ms first_ms gbuffer_ms frame_ms".split()
 ERRORS = (
     "rmse relmse flip flip_p95 coverage distance_err residual_px converged_ratio wrong_ratio iterations_mean "
-    "temporal_diff jitter_px"
+    "temporal_diff jitter_px residual_px_max"
 ).split()
 SUMMARY_COLUMNS = [
     *"config scene detail method params status reason frames frames_ok frames_in_view ok_ratio".split(),

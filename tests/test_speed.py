@@ -203,7 +203,7 @@ def test_tessellations_have_about_the_vertices_that_were_asked_for(room):
 
 
 def test_the_fit_finds_a_line():
-    rows = [{"vertices": n, "shade_ms": 3.0 + 0.25e-3 * n} for n in (1_000, 4_000, 20_000)]
+    rows = [{"vertices": n, "frame_ms": 3.0 + 0.25e-3 * n} for n in (1_000, 4_000, 20_000)]
     found = tessellation.fit(rows)
     assert found == pytest.approx({"ms_per_1000_vertices": 0.25, "intercept_ms": 3.0, "r2": 1.0, "points": 3})
     assert tessellation.fit(rows[:1]) == {"points": 1}
@@ -211,13 +211,18 @@ def test_the_fit_finds_a_line():
 
 def test_the_study_sees_the_error_fall_with_the_vertices(room, tmp_path):
     found = tessellation.study({"lean": room}, (96, 64), FRAME, 2, lambda text: None, targets=(100, 6_000))
-    coarse, fine, *levels = found.rows
-    assert fine["vertices"] > 2 * coarse["vertices"]
-    assert fine["flip"] < 0.7 * coarse["flip"]
-    assert [row["method"] for row in levels] == list(tessellation.LEVELS)
-    assert levels[1]["flip"] < fine["flip"] < levels[0]["flip"]  # traced < searched < environment map
-    assert found.fits[0]["points"] == 2
-    assert len(found.samples) == 4 * 2
+    names = {row["method"] for row in found.rows}
+    assert {tessellation.NONE, "environment_map", "ray_traced", "image_space_search", "secant_triangle", "newton"} <= names
+    coarse, fine = (
+        {r["method"]: r for r in found.rows if r["vertices"] == n} for n in sorted({r["vertices"] for r in found.rows})
+    )
+    for name in ("image_space_search", "secant_triangle", "newton"):
+        assert fine[name]["vertices"] > 2 * coarse[name]["vertices"]
+        assert fine[name]["flip"] < 0.7 * coarse[name]["flip"]
+        assert fine["ray_traced"]["flip"] < fine[name]["flip"] < fine["environment_map"]["flip"]
+        assert fine[name]["frame_ms"] == fine[tessellation.NONE]["frame_ms"] + fine[name]["shade_ms"]
+    assert all(fit["points"] == 2 for fit in found.fits) and {fit["method"] for fit in found.fits} == names
+    assert len(found.samples) == 2 * len(found.rows)
     tessellation.chart(found, tmp_path / "chart.png")
     assert (tmp_path / "chart.png").stat().st_size > 10_000
 
@@ -241,7 +246,9 @@ def test_the_command_writes_every_comparison_with_its_samples(room, moving_room,
     assert list(rows[0]) == speed.COLUMNS
     assert list(samples[0]) == speed.SAMPLE_COLUMNS
     assert list(dict.fromkeys(row["name"] for row in rows)) == [
-        *("gbuffer", "raster", "frame", "shade", "moving", "environment_map")
+        *("gbuffer", "raster"),
+        *(f"{stage} {name}" for stage in ("frame", "shade", "moving") for name in rivals.VERTEX_METHODS),
+        "environment_map",
     ]
     for row in rows:
         sides = {side: [float(s["ms"]) for s in samples if (s["name"], s["side"]) == (row["name"], side)]

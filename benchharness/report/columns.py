@@ -38,7 +38,9 @@ distance_err | distance error |  | less
     Median relative error of the length of the reflected ray against the traced ray.
 residual_px | residual | px | less
     Screen distance between the reflection point found and the true one, for methods that search reflection points
-    of vertices.
+    of vertices: median of the vertices whose search says that it converged.
+residual_px_max | residual max | px | less
+    The largest of those distances.
 converged_ratio | converged |  | more
     Share of vertices whose search says that it converged.
 wrong_ratio | wrong |  | less

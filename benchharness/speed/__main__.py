@@ -91,7 +91,7 @@ def _vertices(out: Path, size: tuple[int, int], frame: int, rounds: int, console
     write_csv(out / "vertices-fit.csv", found.fits, tessellation.FIT_COLUMNS)
     write_csv(out / "vertices-samples.csv", found.samples, tessellation.SAMPLE_COLUMNS)
     tessellation.chart(found, out / "vertices.png")
-    console.print(plain_table(found.rows, ("detail", "method", "vertices", "shade_ms", "flip")))
+    console.print(plain_table(found.rows, ("detail", "method", "vertices", "frame_ms", "flip")))
     console.print(plain_table(found.fits, tessellation.FIT_COLUMNS))
 
 

@@ -10,6 +10,8 @@ frame            a whole picture of a still scene: first hits, reflection, compo
 shade            the reflection alone, first hits given
 moving           the same where things moved: what has to be rebuilt, then the reflection
 environment_map  its reflection alone, for orientation
+
+frame, shade and moving are there for each of the methods that move vertices: `frame secant_triangle`, ...
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ from benchharness.speed import embree, llvmpipe
 from benchharness.speed.stage import Stage, Work, answer, interleaved, method, ratio_interval
 
 OURS = "ours"
+VERTEX_METHODS = ("image_space_search", "secant_triangle", "newton")
 CLOSE_M = 1e-3  # two first hits nearer than this are the same
 
 
@@ -58,9 +61,9 @@ def comparisons(
     return [
         _gbuffer(stage, world),
         _raster(stage, gl),
-        _frame(stage, world),
-        _shade("shade", "image_space_search", stage, world),
-        _moving(moved, moved_world),
+        *(_frame(name, stage, world) for name in VERTEX_METHODS),
+        *(_shade(f"shade {name}", name, stage, world) for name in VERTEX_METHODS),
+        *(_moving(name, moved, moved_world) for name in VERTEX_METHODS),
         _shade("environment_map", "environment_map", stage, world),
     ]
 
@@ -107,14 +110,14 @@ def _raster(stage: Stage, gl: llvmpipe.Llvmpipe | str) -> Comparison:
     return Comparison("raster", ours, rivals)
 
 
-def _frame(stage: Stage, world: embree.World) -> Comparison:
+def _frame(name: str, stage: Stage, world: embree.World) -> Comparison:
     renderer, index, view = stage.renderer, stage.frame.index, stage.frame.view
-    search, traced = method("image_space_search"), method("ray_traced")
-    state, traced_state = stage.warmed(search), stage.warmed(traced)
+    mine, traced = method(name), method("ray_traced")
+    state, traced_state = stage.warmed(mine), stage.warmed(traced)
 
     def ours() -> tuple:
         frame = renderer.draw(index, view)
-        reflection, after = search.shade(state, frame)
+        reflection, after = mine.shade(state, frame)
         return renderer.compose(frame, reflection.L), after
 
     def staged() -> Any:
@@ -128,7 +131,9 @@ def _frame(stage: Stage, world: embree.World) -> Comparison:
         ("one bounce, coherent, in stages", staged, "Embree; first hits, ray_traced, composite"),
     ]
     return Comparison(
-        "frame", ours, [Rival(name, work, f"{note}; {_difference(stage, drawn, work())}") for name, work, note in rivals]
+        f"frame {name}",
+        ours,
+        [Rival(rival, work, f"{note}; {_difference(stage, drawn, work())}") for rival, work, note in rivals],
     )
 
 
@@ -143,9 +148,9 @@ def _shade(name: str, ours: str, stage: Stage, world: embree.World) -> Compariso
     return Comparison(name, lambda: answer(mine.shade(state, frame)), _differences(stage, shown, rivals))
 
 
-def _moving(stage: Stage, world: embree.World) -> Comparison:
-    search, traced = method("image_space_search"), method("ray_traced")
-    frame, state, traced_state = stage.frame, stage.warmed(search), stage.warmed(traced)
+def _moving(name: str, stage: Stage, world: embree.World) -> Comparison:
+    own, traced = method(name), method("ray_traced")
+    frame, state, traced_state = stage.frame, stage.warmed(own), stage.warmed(traced)
 
     def renewed(mine: Method, before: Any) -> tuple:
         return answer(mine.shade(mine.update(before, frame), frame))
@@ -154,9 +159,10 @@ def _moving(stage: Stage, world: embree.World) -> Comparison:
         embree.move(world, frame.poses)
         return embree.reflection(world, frame, False)
 
-    shown = renewed(search, state)[0]
+    shown = renewed(own, state)[0]
     rivals = {_DEFAULT: default, "ray_traced": lambda: renewed(traced, traced_state)}
-    return Comparison("moving", lambda: renewed(search, state), _differences(stage, shown, rivals, "; hierarchy built anew"))
+    compared = _differences(stage, shown, rivals, "; hierarchy built anew")
+    return Comparison(f"moving {name}", lambda: renewed(own, state), compared)
 
 
 _DEFAULT = "ray_traced, default call"

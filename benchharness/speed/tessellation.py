@@ -1,8 +1,9 @@
-"""What a vertex costs and what it is worth: the image-space search on ever finer subdivisions of one scene.
+"""What a vertex costs and what it is worth: all methods on ever finer subdivisions of one scene.
 
-The search works on vertices, so its time grows with them; its picture draws the image of every edge straight, so its error
-falls with them. Subdivision interpolates positions and baked light linearly: the scene, and with it the reference, stays
-the same. Methods that do not depend on the tessellation stand beside it as levels.
+Methods that move vertices take time that grows with them; their pictures draw the image of every edge straight, so their
+error falls with them. Subdivision interpolates positions and baked light linearly: the scene, and with it the reference,
+stays the same. The frame without reflections (G-buffer and composite) grows with the vertices, too: it is a row by the
+name of NONE, and part of every method's frame.
 """
 
 from __future__ import annotations
@@ -14,19 +15,21 @@ from typing import Any
 
 import numpy as np
 
-from benchharness import metrics, reference, timing
+from benchharness import metrics, plugins, reference, timing
 from benchharness.scene import Scene, refined
 from benchharness.speed.stage import Stage, answer, interleaved, method
 
-SEARCH = "image_space_search"
-LEVELS = ("environment_map", "ray_traced")
+NONE = "no reflections"
 TARGETS = (5_000, 10_000, 15_000, 25_000, 50_000, 100_000, 200_000)
 """Vertices to subdivide to; a target below what a scene has as it was built is that scene as it was built."""
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 CLOSE = 0.05  # relative; a subdivision this near to its target will do
 TRIES = 12
 
-COLUMNS = "detail method vertices triangles h_max_m shade_ms shade_ms_lo shade_ms_hi flip coverage".split()
-FIT_COLUMNS = "detail ms_per_1000_vertices intercept_ms r2 points".split()
+COLUMNS = "detail method vertices triangles h_max_m shade_ms shade_ms_lo shade_ms_hi frame_ms flip coverage".split()
+"""Of the row NONE, shade_ms is the time of the G-buffer and the composite; frame_ms of the others is theirs and that."""
+FIT_COLUMNS = "detail method ms_per_1000_vertices intercept_ms r2 points".split()
+"""Of frame_ms."""
 SAMPLE_COLUMNS = "detail method vertices round ms".split()
 
 
@@ -48,38 +51,61 @@ def study(
     targets: Sequence[int] = TARGETS,
 ) -> Found:
     """Times and errors of frame `index`. `bases`: detail -> baked scene, not refined."""
+    methods = [name for name, plugin in plugins.discover("method").items() if plugin.error is None]
     rows, works = [], {}
     for detail, base in bases.items():
         truth = reference.render(base, base.time(index), size)
-        for name, scene in (*((SEARCH, s) for s in tessellations(base, targets)), *((level, base) for level in LEVELS)):
-            say(f"{detail}: {name} at {scene.vertices} vertices")
-            row, work = _case(name, replace(scene, h_max=None), size, index, truth)
-            row |= {"detail": detail, "h_max_m": scene.source.get("split_at")}
-            rows.append(row)
-            works[detail, name, scene.vertices] = work
+        for scene in tessellations(base, targets):
+            seen = {"detail": detail, "vertices": scene.vertices, "triangles": scene.triangles}
+            seen["h_max_m"] = scene.source.get("split_at")
+            stage = Stage(replace(scene, h_max=None), size, index)
+            rows.append({**seen, "method": NONE})
+            works[detail, NONE, scene.vertices] = _unreflected(stage)
+            for name in methods:
+                say(f"{detail}: {name} at {scene.vertices} vertices")
+                if method(name).refuses(stage.scene) is None:
+                    errors, works[detail, name, scene.vertices] = _case(name, stage, truth)
+                    rows.append({**seen, "method": name, **errors})
     times, _ = interleaved(works, rounds, lambda done: say(f"round {done} of {rounds}"))
     for row in rows:
-        samples = times[row["detail"], row["method"], row["vertices"]]
-        row["shade_ms"], row["shade_ms_lo"], row["shade_ms_hi"] = timing.median_interval(samples)
+        row["shade_ms"], row["shade_ms_lo"], row["shade_ms_hi"] = timing.median_interval(
+            times[row["detail"], row["method"], row["vertices"]]
+        )
+    plain = {(row["detail"], row["vertices"]): row["shade_ms"] for row in rows if row["method"] == NONE}
+    for row in rows:
+        row["frame_ms"] = plain[row["detail"], row["vertices"]] + (row["shade_ms"] if row["method"] != NONE else 0)
+    kinds = dict.fromkeys((row["detail"], row["method"]) for row in rows)
     return Found(
         rows,
-        [{"detail": detail, **fit([r for r in rows if (r["detail"], r["method"]) == (detail, SEARCH)])} for detail in bases],
+        [
+            {"detail": detail, "method": name, **fit([r for r in rows if (r["detail"], r["method"]) == (detail, name)])}
+            for detail, name in kinds
+        ],
         [dict(zip(SAMPLE_COLUMNS, (*key, i, ms), strict=True)) for key, all_ in times.items() for i, ms in enumerate(all_)],
     )
 
 
-def _case(name: str, scene: Scene, size: tuple[int, int], index: int, truth: reference.Reference):
-    """What is known of a case before it is timed, and what is to be timed."""
-    stage, kind = Stage(scene, size, index), method(name)
+def _unreflected(stage: Stage):
+    """A frame whose mirrors are black."""
+    renderer, index, view = stage.renderer, stage.frame.index, stage.frame.view
+
+    def work():
+        frame = renderer.draw(index, view)
+        return renderer.compose(frame, frame.radiance)
+
+    return work
+
+
+def _case(name: str, stage: Stage, truth: reference.Reference):
+    """What a method's picture is worth, and what is to be timed."""
+    kind, scene = method(name), stage.scene
     state = stage.warmed(kind)
     answered = kind.shade(state, stage.frame)[0]
     mask = truth.mask & np.array(stage.frame.active).reshape(truth.mask.shape)
     found = np.broadcast_to(np.array(answered.found), mask.size).reshape(mask.shape)
     image = stage.pixels(stage.renderer.compose(stage.frame, answered.L))
     errors = metrics.evaluate(image, truth.image, mask, ppd=scene.ppd, exposure=scene.exposure, found=found)
-    row = {"method": name, "vertices": scene.vertices, "triangles": scene.triangles}
-    row |= {"flip": errors["flip"], "coverage": errors["coverage"]}
-    return row, lambda: answer(kind.shade(state, stage.frame))
+    return {k: errors[k] for k in ("flip", "coverage")}, lambda: answer(kind.shade(state, stage.frame))
 
 
 def tessellations(base: Scene, targets: Sequence[int]) -> list[Scene]:
@@ -120,8 +146,8 @@ def _length_for(base: Scene, target: int) -> float:
 
 
 def fit(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Least squares through (vertices, shade_ms); all empty for fewer than two numbers of vertices."""
-    n, ms = np.array([r["vertices"] for r in rows], float), np.array([r["shade_ms"] for r in rows], float)
+    """Least squares through (vertices, frame_ms); all empty for fewer than two numbers of vertices."""
+    n, ms = np.array([r["vertices"] for r in rows], float), np.array([r["frame_ms"] for r in rows], float)
     if len(set(n)) < 2:
         return {"points": len(n)}
     slope, intercept = np.polyfit(n, ms, 1)
@@ -131,34 +157,31 @@ def fit(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def chart(found: Found, path: Path) -> None:
-    """Time and error of the search against vertices, as PNG; a colour per detail, a level per other method."""
+    """Time of a frame and error against vertices, as PNG: a row of two panels per detail, a colour per method."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(10, 4), dpi=130, layout="constrained")
-    time, error = figure.subplots(1, 2)
-    fits = {f["detail"]: f for f in found.fits}
-    for colour, detail in zip(("#0072B2", "#D55E00", "#009E73"), fits, strict=False):
-        rows = [r for r in found.rows if (r["detail"], r["method"]) == (detail, SEARCH)]
-        n = np.array([r["vertices"] for r in rows], float)
-        ms, low, high = (np.array([r[name] for r in rows]) for name in ("shade_ms", "shade_ms_lo", "shade_ms_hi"))
-        time.errorbar(n / 1e3, ms, (ms - low, high - ms), fmt="o", ms=4, color=colour, capsize=2, label=f"{SEARCH}, {detail}")
-        if "r2" in fits[detail]:
-            slope, start = fits[detail]["ms_per_1000_vertices"], fits[detail]["intercept_ms"]
-            label = f"{start:.1f} ms + {slope:.3f} ms per 1000 vertices"
-            time.plot([0, n.max() / 1e3], [start, start + slope * n.max() / 1e3], lw=1, color=colour, label=label)
-        error.plot(n, [r["flip"] for r in rows], "o-", ms=4, lw=1, color=colour, label=f"{SEARCH}, {detail}")
-        for row in (r for r in found.rows if r["detail"] == detail and r["method"] in LEVELS):
-            error.axhline(row["flip"], ls="--", lw=1, color=colour)
-    error.set(xlabel="vertices", ylabel="FLIP in the mirror (lower is better)", title="Error left by the tessellation")
-    error.set(xscale="log", yscale="log")
-    for name in LEVELS:
-        level = max(r["flip"] for r in found.rows if r["method"] == name)
-        where = error.get_yaxis_transform()
-        error.annotate(name, (0.98, level), (0, 2), xycoords=where, textcoords="offset points", ha="right", fontsize=7)
-    error.margins(y=0.1)
-    time.set(xlabel="thousand vertices", ylabel="shade_ms", title="Cost of a vertex", xlim=(0, None), ylim=(0, None))
-    time.legend(fontsize=7, frameon=False)
-    error.legend(fontsize=7, frameon=False, loc="center left", bbox_to_anchor=(0.0, 0.3))
-    for axes in (time, error):
-        axes.grid(alpha=0.25)
+    details = list(dict.fromkeys(row["detail"] for row in found.rows))
+    methods = list(dict.fromkeys(row["method"] for row in found.rows))
+    colours = dict(zip(methods, ("#555555", *COLOURS * len(methods)), strict=False))
+    figure = Figure(figsize=(10, 4 * len(details)), dpi=130, layout="constrained")
+    panels = figure.subplots(len(details), 2, squeeze=False)
+    for (time, error), detail in zip(panels, details, strict=True):
+        for name in methods:
+            rows = [r for r in found.rows if (r["detail"], r["method"]) == (detail, name)]
+            if not rows:
+                continue
+            n, ms = np.array([r["vertices"] for r in rows]), np.array([r["frame_ms"] for r in rows])
+            slope = next((f for f in found.fits if (f["detail"], f["method"]) == (detail, name)), {})
+            cost = f" ({slope['ms_per_1000_vertices']:.2f} ms per 1000)" if "r2" in slope else ""
+            time.plot(n / 1e3, ms, "o-", ms=4, lw=1, color=colours[name], label=f"{name}{cost}")
+            if name != NONE:
+                error.plot(n, [r["flip"] for r in rows], "o-", ms=4, lw=1, color=colours[name], label=name)
+        time.set(xlabel="thousand vertices", ylabel="frame, ms", title=f"{detail}: cost of a vertex", xlim=(0, None))
+        time.set(ylim=(0, None))
+        error.set(xlabel="vertices", ylabel="FLIP in the mirror (lower is better)", xscale="log", yscale="log")
+        error.set(title=f"{detail}: error left by the tessellation")
+        for axes in (time, error):
+            axes.grid(alpha=0.25)
+        time.legend(fontsize=7, frameon=False)
+        error.legend(fontsize=7, frameon=False, loc="best")
     figure.savefig(path)
