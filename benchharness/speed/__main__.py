@@ -1,11 +1,13 @@
 """How fast is it really: our stages and whole frames against Embree's and llvmpipe's, on this machine, in one sitting.
 
 `python -m benchharness.speed` times the kitchen: everything warm, in interleaved rounds. What is compared with what is in
-`benchharness.speed.rivals`, what `--vertices` adds in `benchharness.speed.tessellation`. Into the folder go
+`benchharness.speed.rivals`, what `--vertices` adds in `benchharness.speed.tessellation`, and what `--iterations` adds in
+`benchharness.speed.iterations`. Into the folder go
 
     speed.csv          a row per rival: medians, how many times as long the rival takes, with its 95 % interval
     samples.csv        every time behind them
-    vertices.csv       a row per tessellation or method beside it; vertices-fit.csv, vertices-samples.csv, vertices.png
+    vertices.csv       a row per tessellation and method; vertices-fit.csv, vertices-samples.csv, vertices.png
+    iterations.csv     a row per way to search; iterations.png
     environment.json   machine, software, and what was asked for
 """
 
@@ -42,7 +44,16 @@ def kitchen(detail: str, moving: bool = False) -> Scene:
     return bake(plugins.look_up("kitchen", plugins.discover("scene"), "speed").target(detail=detail, moving=moving))
 
 
-def speed(out: Path, size: tuple[int, int], frame: int, detail: str, rounds: int, vertices: bool, console: Console) -> None:
+def speed(
+    out: Path,
+    size: tuple[int, int],
+    frame: int,
+    detail: str,
+    rounds: int,
+    console: Console,
+    vertices: bool = False,
+    iterations: bool = False,
+) -> None:
     """Times, prints and writes everything. Raises ValueError for numbers that make no sense and a folder in use."""
     for name, value, least in (("width", size[0], 1), ("height", size[1], 1), ("frame", frame, 0), ("rounds", rounds, 2)):
         if value < least:
@@ -79,6 +90,8 @@ def speed(out: Path, size: tuple[int, int], frame: int, detail: str, rounds: int
         console.print(table(rows))
         if vertices:
             _vertices(out, size, frame, rounds, console)
+        if iterations:
+            _iterations(out, drawn, size, frame, console)
     console.print(str(out))
 
 
@@ -93,6 +106,17 @@ def _vertices(out: Path, size: tuple[int, int], frame: int, rounds: int, console
     tessellation.chart(found, out / "vertices.png")
     console.print(plain_table(found.rows, ("detail", "method", "vertices", "frame_ms", "flip")))
     console.print(plain_table(found.fits, tessellation.FIT_COLUMNS))
+
+
+def _iterations(out: Path, scene: Scene, size: tuple[int, int], frame: int, console: Console) -> None:
+    from benchharness.speed import iterations
+
+    with console.status("") as status:
+        cases = iterations.study(scene, size, frame, status.update)
+    rows = [case.row() for case in cases]
+    write_csv(out / "iterations.csv", rows, iterations.COLUMNS)
+    iterations.chart(cases, out / "iterations.png")
+    console.print(plain_table(rows, iterations.COLUMNS))
 
 
 def write_csv(path: Path, rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> None:
@@ -135,11 +159,12 @@ def main(
     detail: Annotated[str, typer.Option(help="lean or paper")] = "paper",
     rounds: Annotated[int, typer.Option(help="how often everything is timed")] = 60,
     vertices: Annotated[bool, typer.Option("--vertices", help="also: time and error against the number of vertices")] = False,
+    iterations: Annotated[bool, typer.Option("--iterations", help="also: steps that reflection points take")] = False,
 ) -> None:
     """Time the harness's own stages and whole frames against Embree and llvmpipe."""
     folder = out or Path("results") / "runs" / f"speed-{datetime.now():%Y%m%d-%H%M%S}"
     try:
-        speed(folder, size, frame, detail, rounds, vertices, Console())
+        speed(folder, size, frame, detail, rounds, Console(), vertices, iterations)
     except (ValueError, NotADirectoryError, PermissionError, platform.EnvironmentBroken) as error:
         Console(stderr=True, soft_wrap=True).print(f"error: {error}", style="red", markup=False, highlight=False)
         raise typer.Exit(BROKEN_ENVIRONMENT if isinstance(error, platform.EnvironmentBroken) else WRONG_INPUT) from None

@@ -1,0 +1,117 @@
+"""How many steps a reflection point takes, and where on the mirror the long searches are.
+
+A histogram over vertices and a picture per case, as figure 3 (c) of Roger and Holzschuch 2006 has one: every pixel of the
+mirror shows the iterations of the vertices around what it reflects. Their text claims 5 to 10 in most cases and up to 20
+near the mirror's outline, for searches that begin anew in every frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from benchharness import plugins
+from benchharness.api import Reflection
+from benchharness.kernels import vertexwise, virtual
+from benchharness.scene import Scene
+from benchharness.speed.stage import Stage
+
+CASES: tuple[tuple[str, str, dict[str, Any]], ...] = (
+    ("Roger and Holzschuch, cold", "secant_triangle",
+     {"start": "paper", "stop": "area", "tau": 0.5, "newton": "off", "warm": False, "hidden": "drop"}),
+    ("the same until the longest edge is a pixel", "secant_triangle",
+     {"start": "paper", "newton": "off", "warm": False, "hidden": "drop"}),
+    ("secant_triangle, cold", "secant_triangle", {"warm": False}),
+    ("secant_triangle, warm", "secant_triangle", {}),
+    ("newton, cold", "newton", {"warm": False}),
+    ("newton, warm", "newton", {}),
+    ("Estalella et al., cold", "image_space_search", {"start": "centre", "warm": "off"}),
+    ("image_space_search, warm", "image_space_search", {}),
+)  # fmt: skip
+"""Name, method, its parameters."""
+
+COLUMNS = "case method vertices mean median p95 max at_most_5 at_most_10 at_most_20".split()
+MOST_SHOWN = 20
+
+
+@dataclass
+class Case:
+    """`iterations` of the vertices that were searched [N]; `picture` [H, W], NaN where no mirror shows anything."""
+
+    name: str
+    method: str
+    iterations: np.ndarray
+    picture: np.ndarray
+
+    def row(self) -> dict[str, Any]:
+        n = self.iterations
+        shares = {f"at_most_{k}": float((n <= k).mean()) for k in (5, 10, 20)}
+        quantiles = {"median": float(np.median(n)), "p95": float(np.quantile(n, 0.95)), "max": int(n.max())}
+        return {"case": self.name, "method": self.method, "vertices": len(n), "mean": float(n.mean()), **quantiles, **shares}
+
+
+def study(scene: Scene, size: tuple[int, int], index: int, say: Callable[[str], None]) -> list[Case]:
+    """All cases on frame `index` of a baked and refined scene."""
+    stage, found = Stage(scene, size, index), []
+    for name, method, params in CASES:
+        say(name)
+        kind = plugins.look_up(method, plugins.discover("method"), "speed").target(**params)
+        reflection, _ = kind.shade(stage.warmed(kind), stage.frame)
+        assert reflection.vertices is not None
+        iterations = np.array(reflection.vertices.iterations)
+        found.append(Case(name, method, iterations[iterations > 0], _picture(stage, reflection)))
+    return found
+
+
+def _picture(stage: Stage, reflection: Reflection) -> np.ndarray:
+    """The iterations of the reflected vertices, drawn where the mirrors show them; float [H, W]."""
+    scene, frame, vertices = stage.scene, stage.frame, reflection.vertices
+    assert vertices is not None
+    seen = vertexwise.posed(vertexwise.scenery(scene), frame)
+    count = seen.triangles.vertex_count
+    total, covered = mi.Float(0), mi.Bool(False)
+    for i in range(len(scene.reflectors)):
+        lane = dr.arange(mi.UInt32, count)
+        there = lane + i * count
+        kind, _ = vertexwise.kinds(dr.gather(mi.UInt32, vertices.region, there) == vertexwise.REFLECTED, mi.Bool(False))
+        images = virtual.Images(
+            vertexwise.packets(dr.gather(mi.Point3f, vertices.virtual, there), kind, lane, count),
+            vertexwise.packets(dr.gather(mi.Point3f, vertices.R, there), mi.Float(0), lane, count),
+        )
+        steps = mi.Float(dr.gather(mi.UInt32, vertices.iterations, there))
+        triangles = replace(seen.triangles, attributes=vertexwise.packets(mi.Point3f(steps), mi.Float(0), lane, count))
+        part = dr.opaque(mi.UInt32, seen.objects + i)
+        shown, _, hit = virtual.draw(
+            images, seen.points, triangles, part, frame.view, frame.p, frame.reflector, dr.opaque(mi.Int32, i), None,
+            virtual.Drawing("drop"), None,
+        )  # fmt: skip
+        total, covered = total + shown.x, covered | hit
+    return np.where(np.array(covered), np.array(total), np.nan).reshape(stage.size[1], stage.size[0])
+
+
+def chart(cases: list[Case], path: Path) -> None:
+    """Pictures above, histograms below, as PNG."""
+    from matplotlib.figure import Figure
+
+    columns = len(cases) // 2
+    figure = Figure(figsize=(4 * columns, 11), dpi=110, layout="constrained")
+    panels = figure.subplots(4, columns, gridspec_kw={"height_ratios": [3, 1.6] * 2})
+    down, across = np.nonzero(np.isfinite(np.stack([case.picture for case in cases])).any(axis=0))
+    box = slice(down.min(), down.max() + 1), slice(across.min(), across.max() + 1)
+    for k, case in enumerate(cases):
+        above, below = panels[2 * (k // columns), k % columns], panels[2 * (k // columns) + 1, k % columns]
+        image = above.imshow(case.picture[box], cmap="viridis", vmin=1, vmax=MOST_SHOWN)
+        above.set(title=case.name, xticks=[], yticks=[])
+        bins = np.arange(0.5, MOST_SHOWN + 1.5)
+        share = np.full(len(case.iterations), 1 / len(case.iterations))
+        below.hist(np.minimum(case.iterations, MOST_SHOWN), bins=list(bins), color="#0072B2", weights=share)
+        below.set(xlabel=f"iterations ({MOST_SHOWN}: or more)", ylabel="share of vertices", xlim=(0.5, MOST_SHOWN + 0.5))
+        below.set(title=f"mean {case.iterations.mean():.1f}, most {case.iterations.max()}")
+        figure.colorbar(image, ax=above, shrink=0.8)
+    figure.savefig(path)
