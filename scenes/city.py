@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from benchharness.scene import Mesh, Object, merged
-from scenes.shapes import Colour, bar, box, placed, sheet, steps, tiles, with_breaks
+from scenes.shapes import Colour, bar, box, lathe, placed, sheet, steps, tiles, with_breaks
 
 ISLAND = (-7.5, 7.5, -13.0, 7.0)
 """The paved island: x from, to, y from, to, metres."""
@@ -22,8 +22,8 @@ ROAD = (-13.5, 13.5, -19.0, 13.0)
 SQUARE = (-15.5, 15.5, -21.0, 15.0)
 """Where the houses stand."""
 KERB = 0.12
-FAR = 38.0
-"""Where streets end, metres from the origin."""
+EAST_END, SOUTH_END = 26.5, -32.0
+"""Where streets end: x (west, negative) and y, metres."""
 
 ASPHALT: Colour = (0.13, 0.13, 0.14)
 PAINT: Colour = (0.75, 0.74, 0.70)
@@ -32,7 +32,6 @@ GLASS: Colour = (0.07, 0.10, 0.14)
 WHITE: Colour = (0.80, 0.78, 0.73)
 SLATE: Colour = (0.17, 0.19, 0.23)
 CLAY: Colour = (0.50, 0.17, 0.09)
-COPPER: Colour = (0.24, 0.45, 0.37)
 
 
 def ground(tile_m: float, road_m: float) -> list[Object]:
@@ -47,8 +46,8 @@ def ground(tile_m: float, road_m: float) -> list[Object]:
     lines = [(x0 - 3.0, y0 - 3.0, y1 + 3.0, 1), (x1 + 3.0, y0 - 3.0, y1 + 3.0, 1),
              (y0 - 3.0, x0 - 2.0, x1 + 2.0, 0), (y1 + 3.0, x0 - 2.0, x1 + 2.0, 0)]  # fmt: skip
     dashes = [_dash(across, s, along) for across, lo, hi, along in lines for s in np.arange(lo + 0.6, hi - 1.8, 2.9)]
-    dashes += [_dash(y1 + 3.0, s, 0) for side in (-1, 1) for s in side * np.arange(18.0, 34.0, 2.9)]
-    stripes = [sheet((0, 0, 0.008 - KERB), x, y, [x0 - 5.7, x0 - 0.3][::1], [s, s + 0.5], PAINT)
+    dashes += [_dash(y1 + 3.0, s, 0) for side in (-1, 1) for s in side * np.arange(16.0, 25.0, 2.9)]
+    stripes = [sheet((0, 0, 0.008 - KERB), x, y, [x0 - 5.7, x0 - 0.3], [s, s + 0.5], PAINT)
                for s in np.arange(-12.0, -8.0, 1.0)]  # fmt: skip
     kerb = [_edge((x0, y0), (x1, y0)), _edge((x1, y0), (x1, y1)), _edge((x1, y1), (x0, y1)), _edge((x0, y1), (x0, y0))]
     return [
@@ -63,23 +62,23 @@ def ground(tile_m: float, road_m: float) -> list[Object]:
 
 
 STREETS = (
-    (-FAR, ROAD[0], 7.0, 13.0),
-    (ROAD[1], FAR, 7.0, 13.0),
-    (ROAD[1], FAR, -19.0, -13.0),
-    (-13.5, -7.5, -FAR, ROAD[2]),
+    (-EAST_END, ROAD[0], 7.0, 13.0),
+    (ROAD[1], EAST_END, 7.0, 13.0),
+    (ROAD[1], EAST_END, -19.0, -13.0),
+    (-13.5, -7.5, SOUTH_END, ROAD[2]),
 )
 """Road surfaces beside the ring: x from, to, y from, to."""
 
 PAVEMENTS = (
-    (-FAR, FAR, 13.0, 15.0),
-    (-15.5, -13.5, -FAR, 6.0),
+    (-EAST_END, EAST_END, 13.0, 15.0),
+    (-15.5, -13.5, SOUTH_END, 6.0),
     (-15.5, -13.5, 6.0, 7.0),
-    (-FAR, -15.5, 6.0, 7.0),
+    (-EAST_END, -15.5, 6.0, 7.0),
     (13.5, 15.5, -12.0, 6.0),
-    (13.5, FAR, 6.0, 7.0),
-    (13.5, FAR, -13.0, -12.0),
-    (-6.5, FAR, -21.0, -19.0),
-    (-7.5, -6.5, -FAR, -19.0),
+    (13.5, EAST_END, 6.0, 7.0),
+    (13.5, EAST_END, -13.0, -12.0),
+    (-6.5, EAST_END, -21.0, -19.0),
+    (-7.5, -6.5, SOUTH_END, -19.0),
 )
 
 
@@ -102,24 +101,47 @@ def _edge(start: tuple[float, float], end: tuple[float, float]) -> Mesh:
 
 
 def _mosaic(tile_m: float) -> Mesh:
-    """The island's tiles: a rosette of rings and rays around the landing place on a ground of warm grey."""
+    """The island's stones: a round rosette about the landing place, square slabs south of it."""
     x0, x1, y0, y1 = ISLAND
-    counts = (round((x1 - x0) / tile_m), round((y1 - y0) / tile_m))
-    x = x0 + (np.arange(counts[0]) + 0.5) * (x1 - x0) / counts[0]
-    y = (y0 + (np.arange(counts[1]) + 0.5) * (y1 - y0) / counts[1])[:, None]
-    r, a = np.hypot(x, y), np.degrees(np.arctan2(y, x))
-    cream, rust, dark = np.array([0.66, 0.58, 0.44]), np.array([0.45, 0.19, 0.11]), np.array([0.17, 0.19, 0.22])
-    chequer = (np.add.outer(np.arange(counts[1]) // max(1, round(1 / tile_m)),
-                            np.arange(counts[0]) // max(1, round(1 / tile_m))) % 2)[..., None]  # fmt: skip
-    colour = np.where(chequer, [0.44, 0.41, 0.36], [0.58, 0.54, 0.47])
-    ring = r[..., None]
-    colour = np.where(ring < 6.3, cream, colour)
-    colour = np.where((ring < 6.3) & (ring > 5.3), rust, colour)
-    ray = (np.floor((a + 15.0) / 30.0) % 2 == 0)[..., None]
-    colour = np.where((ring < 4.3) & ray, dark, colour)
-    colour = np.where(ring < 1.4, rust, colour)
-    colour = colour * np.random.default_rng(5).uniform(0.9, 1.1, (*colour.shape[:2], 1))
-    return tiles((x0, y0, 0), (x1 - x0, 0, 0), (0, y1 - y0, 0), counts, colour)
+    south = -y1
+    counts = (max(1, round((x1 - x0) / tile_m)), max(1, round((south - y0) / tile_m)))
+    slab = max(1, round(1.0 / tile_m))
+    odd = (np.add.outer(np.arange(counts[1]) // slab, np.arange(counts[0]) // slab) % 2)[..., None]
+    rng = np.random.default_rng(5)
+    colour = np.where(odd, DIM, PALE) * rng.uniform(0.92, 1.08, (counts[1], counts[0], 1))
+    return merged(_rosette(tile_m, rng), tiles((x0, y0, 0), (x1 - x0, 0, 0), (0, south - y0, 0), counts, colour))
+
+
+PALE, DIM = (0.58, 0.54, 0.47), (0.44, 0.41, 0.36)
+SANDSTONE, RUST, BASALT = (0.66, 0.58, 0.44), (0.46, 0.18, 0.10), (0.15, 0.17, 0.21)
+BANDS = ((0.5, 1.5, RUST, RUST), (1.5, 4.3, BASALT, SANDSTONE), (4.3, 5.3, SANDSTONE, SANDSTONE), (5.3, 6.4, RUST, RUST))
+"""Of the rosette: radius from, to, and the colours of its rays in turn."""
+RAYS = 16
+
+
+def _rosette(tile_m: float, rng: np.random.Generator) -> Mesh:
+    """Rings of stones about the origin, and what fills the island up to its edges; each stone a quad of its own."""
+    sectors = RAYS * max(1, round(2 * np.pi * 3.5 / RAYS / tile_m))
+    a = np.arange(sectors + 1) * (2 * np.pi / sectors)
+    circle = np.stack([np.cos(a), np.sin(a)], axis=1)
+    rim = circle / abs(circle).max(axis=1, keepdims=True) * [ISLAND[1], ISLAND[3]]
+    ray = np.arange(sectors) * RAYS // sectors % 2
+    rings, colours = [BANDS[0][0] * circle], []
+    for inner, outer, one, other in BANDS:
+        for r in steps(inner, outer, 1.2 * tile_m)[1:]:
+            rings.append(r * circle)
+            colours.append(np.where(ray[:, None], one, other))
+    fill = steps(0.0, 1.0, 1.2 * tile_m / 2.0)[1:]
+    for t in fill:
+        rings.append((1 - t) * BANDS[-1][1] * circle + t * rim)
+        colours.append(np.broadcast_to(PALE, (sectors, 3)))
+    p = np.pad(np.stack(rings), ((0, 0), (0, 0), (0, 1)))  # [rings, sectors + 1, 3]
+    quads = np.stack([p[:-1, :-1], p[1:, :-1], p[1:, 1:], p[:-1, 1:]], axis=2).reshape(-1, 3)
+    albedo = np.repeat((np.stack(colours) * rng.uniform(0.92, 1.08, (len(colours), sectors, 1))).reshape(-1, 3), 4, axis=0)
+    first = 4 * np.arange(len(quads) // 4)[:, None]
+    faces = np.concatenate([np.add(first, [0, 1, 2]), np.add(first, [0, 2, 3])])
+    stones = Mesh(quads, faces, np.tile([0.0, 0.0, 1.0], (len(quads), 1)), albedo)
+    return merged(lathe([(BANDS[0][0], 0), (0, 0)], sectors // 2, BASALT), stones)
 
 
 @dataclass(frozen=True)
@@ -132,8 +154,9 @@ class House:
     floors, columns   of windows above the ground floor
     roof     "pitched" with the ridge along the front, "flat" with a parapet
     shop     colour of the awning over the ground floor; None for a plain ground floor with a door
-    sides    which side walls are seen, and get windows: "", "l", "r"
-    plain    farther down a street: windows without sills, of one pane
+    sides    side walls that face a street and get windows: "", "l", "r"
+    bare     side walls that rise above a lower neighbour
+    plain    down a street: without sills and without a ledge over the ground floor
     """
 
     at: tuple[float, float]
@@ -147,51 +170,56 @@ class House:
     shop: Colour | None = None
     trim: Colour = WHITE
     sides: str = ""
+    bare: str = ""
     depth: float = 10.0
     plain: bool = False
 
 
-GROUND_M, FLOOR_M = 3.8, 3.1
-"""Height of the ground floor and of the floors above it."""
+GROUND_M, FLOOR_M, PARAPET_M = 3.8, 3.1, 0.6
+"""Height of the ground floor, of the floors above it and of the wall before a flat roof."""
+CHIMNEY: Colour = (0.36, 0.16, 0.11)
 
 
-def house(h: House, wall_m: float) -> Mesh:
-    """Base vertices of the walls are `wall_m` apart."""
-    top = GROUND_M + FLOOR_M * h.floors
-    xs, zs = steps(0, h.width, wall_m), with_breaks(0, top, wall_m, [GROUND_M])
-    ys = steps(0, h.depth, wall_m)
-    x, y, z = (1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0)
+def house(h: House, wall_m: float, sills: bool) -> Mesh:
+    """Base vertices of the walls are `wall_m` apart. Backs and party walls, which nobody sees, are left out."""
+    top = GROUND_M + FLOOR_M * h.floors + (PARAPET_M if h.roof == "flat" else 0.0)
+    zs, ys = with_breaks(0, top, wall_m, [GROUND_M]), steps(0, h.depth, wall_m)
+    y, z = (0, 1.0, 0), (0, 0, 1.0)
     parts = [
-        sheet((0, 0, 0), x, z, xs, zs, h.wall),
-        sheet((h.width, 0, 0), y, z, ys, zs, h.wall),
-        sheet((0, h.depth, 0), (0, -1.0, 0), z, ys, zs, h.wall),
-        bar((-0.12, -0.32, top - 0.25), (h.width + 0.12, 0.1, top + 0.12), h.trim),
-        bar((-0.04, -0.14, GROUND_M - 0.1), (h.width + 0.04, 0.05, GROUND_M + 0.12), h.trim),
+        sheet((0, 0, 0), (1, 0, 0), z, steps(0, h.width, wall_m), zs, h.wall),
+        box((-0.1, -0.32, top - 0.25), (h.width + 0.1, 0, top + 0.1), h.trim, "+y", wall_m),
     ]
-    parts += _roof(h, top, wall_m)
+    if not h.plain:
+        parts.append(box((-0.03, -0.12, GROUND_M - 0.1), (h.width + 0.03, 0, GROUND_M + 0.1), h.trim, "+y", wall_m))
+    if "r" in h.sides + h.bare:
+        parts.append(sheet((h.width, 0, 0), y, z, ys, zs, h.wall))
+    if "l" in h.sides + h.bare:
+        parts.append(sheet((0, h.depth, 0), (0, -1.0, 0), z, ys, zs, h.wall))
+    if h.roof == "pitched":
+        parts += _roof(h, top, wall_m)
+
+    sills = sills and not h.plain
     pitch = h.width / h.columns
-    upper = [(pitch * (c + 0.5), GROUND_M + FLOOR_M * f + 0.75) for f in range(h.floors) for c in range(h.columns)]
-    parts += [placed(_window(h.trim, h.plain), (u, 0, w)) for u, w in upper]
-    parts += _ground_floor(h, pitch)
-    for side in h.sides:
-        turn, corner = (90.0, (h.width, 0.0)) if side == "r" else (-90.0, (0.0, h.depth))
+    for f in range(h.floors):
+        sill_z = GROUND_M + FLOOR_M * f + 0.75
+        parts += [placed(_window(h.trim, sills), (pitch * (c + 0.5), 0, sill_z)) for c in range(h.columns)]
         count = max(2, int(h.depth / 3.2))
-        for f in range(h.floors):
-            for c in range(count):
-                along = h.depth * (c + 0.5) / count
-                place = placed(_window(h.trim, True), (along, 0, GROUND_M + FLOOR_M * f + 0.75))
-                parts.append(placed(place, (*corner, 0), turn))
+        for side in h.sides:
+            turn, corner = (90.0, (h.width, 0.0)) if side == "r" else (-90.0, (0.0, h.depth))
+            row = [placed(_window(h.trim, False), (h.depth * (c + 0.5) / count, 0, sill_z)) for c in range(count)]
+            parts += [placed(window, (*corner, 0), turn) for window in row]
+    parts += _ground_floor(h, pitch, sills)
     return placed(merged(*parts), (*h.at, 0), h.turn_deg)
 
 
-def _window(trim: Colour, plain: bool) -> Mesh:
-    """A window on the plane y = 0 that looks to -y, its sill on z = 0: a raised frame and panes; a sill unless `plain`."""
+def _window(trim: Colour, sill: bool) -> Mesh:
+    """A window on the plane y = 0 that looks to -y, standing on z = 0: a raised frame, a pane or two over a sill."""
     w, t = 1.05, 1.6
     frame = _panel(-0.5 * w - 0.12, 0.5 * w + 0.12, -0.02, t + 0.12, 0.03, trim)
-    if plain:
+    if not sill:
         return merged(frame, _panel(-0.5 * w, 0.5 * w, 0.08, t, 0.045, GLASS))
     panes = [_panel(side * 0.275 - 0.235, side * 0.275 + 0.235, 0.05, t, 0.045, GLASS) for side in (-1, 1)]
-    return merged(frame, *panes, bar((-0.5 * w - 0.2, -0.16, -0.12), (0.5 * w + 0.2, 0.02, 0), trim))
+    return merged(frame, *panes, box((-0.5 * w - 0.2, -0.16, -0.12), (0.5 * w + 0.2, 0, 0), trim, "+y"))
 
 
 def _panel(x0: float, x1: float, z0: float, z1: float, out: float, colour: Colour) -> Mesh:
@@ -199,53 +227,50 @@ def _panel(x0: float, x1: float, z0: float, z1: float, out: float, colour: Colou
     return sheet((0, -out, 0), (1, 0, 0), (0, 0, 1), [x0, x1], [z0, z1], colour)
 
 
-def _ground_floor(h: House, pitch: float) -> list[Mesh]:
-    """Doors, and shop windows under a striped awning."""
-    door = pitch * (h.columns // 2 + 0.5)
+def _ground_floor(h: House, pitch: float, sills: bool) -> list[Mesh]:
+    """A door, and windows or shop windows under striped awnings."""
+    middle = h.columns // 2
+    door = pitch * (middle + 0.5)
     out = [
         _panel(door - 0.75, door + 0.75, 0, 2.75, 0.03, h.trim),
-        _panel(door - 0.58, door + 0.58, 0, 2.25, 0.05, h.tile if h.shop is None else h.shop),
-        _panel(door - 0.58, door + 0.58, 2.3, 2.62, 0.05, GLASS),
+        _panel(door - 0.58, door + 0.58, 0, 2.62, 0.05, h.tile if h.shop is None else h.shop),
     ]
-    for c in range(h.columns):
-        middle = pitch * (c + 0.5)
-        if c == h.columns // 2:
-            continue
+    for c in [c for c in range(h.columns) if c != middle]:
+        at = pitch * (c + 0.5)
         if h.shop is None:
-            out.append(placed(_window(h.trim, h.plain), (middle, 0, 1.0)))
+            out.append(placed(_window(h.trim, sills), (at, 0, 1.0)))
             continue
-        half = 0.5 * pitch - 0.25
-        out += [_panel(middle - half, middle + half, 0.5, 2.7, 0.03, h.trim), _panel(middle - half + 0.1, middle + half - 0.1, 0.62, 2.6, 0.05, GLASS)]  # fmt: skip
-        stripes = np.array([[h.shop if k % 2 == 0 else WHITE for k in range(6)]])
-        drop = (0, 0.95, 0.62)
-        cloth = tiles((middle - half, -1.0, 2.62), (2 * half, 0, 0), drop, (6, 1), stripes)
-        under = Mesh(cloth.vertices - [0, 0, 0.03], cloth.faces[:, ::-1], -cloth.normals, 0.6 * np.asarray(cloth.albedo))
-        lip = tiles((middle - half, -1.0, 2.42), (2 * half, 0, 0), (0, 0, 0.2), (6, 1), stripes)
-        out += [cloth, under, lip]
+        half, count = 0.5 * pitch - 0.25, 5
+        stripes = np.array([[h.shop if k % 2 == 0 else WHITE for k in range(count)]])
+        corner, across, drop = (at - half, -1.0, 2.6), (2 * half, 0, 0), (0, 0.97, 0.62)
+        below = sheet((at - half, -0.03, 3.19), (1, 0, 0), (0, -0.97, -0.62), [0, 2 * half], [0, 1], (0.4, 0.38, 0.35))
+        out += [
+            _panel(at - half, at + half, 0.5, 2.7, 0.03, h.trim),
+            _panel(at - half + 0.1, at + half - 0.1, 0.62, 2.6, 0.05, GLASS),
+            tiles(corner, across, drop, (count, 1), stripes),
+            tiles((at - half, -1.0, 2.4), across, (0, 0, 0.2), (count, 1), stripes),
+            below,
+        ]
     return out
 
 
 def _roof(h: House, top: float, wall_m: float) -> list[Mesh]:
-    if h.roof == "flat":
-        rim = 0.9
-        lo, hi = (0.0, 0.0, top), (h.width, h.depth, top + rim)
-        inner = [sheet((0, 0.4, top + 0.3), (1, 0, 0), (0, 1, 0), steps(0, h.width, wall_m), steps(0, h.depth - 0.4, wall_m), SLATE)]
-        wall = [box(lo, (h.width, 0.4, hi[2]), h.wall, "-z", wall_m),
-                box((0, 0.4, top), (0.4, h.depth, hi[2]), h.wall, "-z -y", wall_m),
-                box((h.width - 0.4, 0.4, top), (h.width, h.depth, hi[2]), h.wall, "-z -y", wall_m)]  # fmt: skip
-        hut = box((0.55 * h.width, 3.0, top + 0.3), (0.55 * h.width + 2.2, 5.0, top + 2.3), STONE, "-z", wall_m)
-        return [*inner, *wall, hut]
+    """The slope to the street, two chimneys; gable and other slope where a side is seen."""
     half, rise, eave = 0.5 * h.depth, 0.42 * h.depth, 0.35
-    slope = np.array([0.0, half, rise]) / np.hypot(half, rise)
     length = float(np.hypot(half, rise))
-    xs, ts = steps(-0.15, h.width + 0.15, wall_m), steps(0.0, length + eave, wall_m)
-    front = sheet((0, -eave * slope[1], top - eave * slope[2] + 0.15), (1, 0, 0), slope, xs, ts, h.tile)
-    back = Mesh(front.vertices * [1, -1, 1] + [0, h.depth, 0], front.faces[:, ::-1], front.normals * [1, -1, 1], h.tile)
+    slope = np.array([0.0, half, rise]) / length
+    xs, ts = steps(-0.1, h.width + 0.1, wall_m), steps(0.0, length + eave, wall_m)
+    front = sheet((0, -eave * slope[1], top - eave * slope[2] + 0.12), (1, 0, 0), slope, xs, ts, h.tile)
+    parts = [front, *(box((u, 1.7, top + 0.8), (u + 0.7, 2.5, top + 3.3), CHIMNEY, "-z") for u in (0.12 * h.width, 0.7 * h.width))]
     gable = Mesh([[0, 0, top], [0, h.depth, top], [0, half, top + rise]], [[0, 2, 1]], [[-1, 0, 0]] * 3, h.wall)
-    other = Mesh(gable.vertices + [h.width, 0, 0], gable.faces[:, ::-1], -gable.normals, h.wall)
-    brick = (0.36, 0.16, 0.11)
-    stacks = [box((u, 1.7, top + 0.8), (u + 0.7, 2.5, top + 3.3), brick, "-z") for u in (0.12 * h.width, 0.7 * h.width)]
-    return [front, back, gable, other, *stacks]
+    if "l" in h.sides + h.bare:
+        parts.append(gable)
+    if "r" in h.sides + h.bare:
+        parts.append(Mesh(gable.vertices + [h.width, 0, 0], gable.faces[:, ::-1], -gable.normals, h.wall))
+    if h.sides + h.bare:
+        turn = [1, -1, 1]
+        parts.append(Mesh(front.vertices * turn + [0, h.depth, 0], front.faces[:, ::-1], front.normals * turn, h.tile))
+    return parts
 
 
 OCHRE: Colour = (0.72, 0.48, 0.18)
@@ -259,39 +284,33 @@ GREY: Colour = (0.48, 0.48, 0.47)
 
 NORTH = (
     House((-15.5, 15), 0, 10, OCHRE, 3, 4, "pitched", CLAY, (0.55, 0.07, 0.06)),
-    House((-5.5, 15), 0, 11, CREAM, 4, 5, "flat", SLATE, (0.06, 0.25, 0.12)),
+    House((-5.5, 15), 0, 11, CREAM, 4, 5, "flat", SLATE, (0.06, 0.25, 0.12), bare="lr"),
     House((5.5, 15), 0, 10, ROSE, 3, 4, "pitched", SLATE),
-    House((-26.5, 15), 0, 11, GREY, 3, 4, "pitched", SLATE, plain=True),
-    House((-38, 15), 0, 11.5, BRICK, 3, 4, "pitched", CLAY, plain=True),
+    House((-EAST_END, 15), 0, 11, GREY, 3, 4, "pitched", SLATE, plain=True),
     House((15.5, 15), 0, 11, SKY, 3, 4, "pitched", CLAY, plain=True),
-    House((26.5, 15), 0, 11.5, SAND, 4, 4, "pitched", SLATE, plain=True),
 )
 WEST = (
-    House((-15.5, -21), 90, 9, BRICK, 4, 3, "flat", SLATE, (0.75, 0.52, 0.10)),
+    House((-15.5, -21), 90, 9, BRICK, 4, 3, "flat", SLATE, (0.75, 0.52, 0.10), bare="lr"),
     House((-15.5, -12), 90, 9, SAND, 3, 4, "pitched", CLAY),
     House((-15.5, -3), 90, 9, SKY, 3, 3, "pitched", SLATE, (0.08, 0.18, 0.42), sides="r"),
-    House((-15.5, -38), 90, 17, GREY, 3, 6, "pitched", SLATE, plain=True),
-    House((-26.0, 6), 180, 12, CREAM, 3, 4, "pitched", CLAY, plain=True),
-    House((-FAR, 4), 90, 12, MINT, 3, 4, "pitched", CLAY, plain=True),
+    House((-15.5, SOUTH_END), 90, 11, GREY, 3, 4, "pitched", SLATE, plain=True),
+    House((-EAST_END, 4), 90, 12, MINT, 3, 4, "pitched", CLAY, plain=True),
 )
 EAST = (
-    House((15.5, 6), -90, 9, MINT, 3, 3, "pitched", CLAY, sides="lr"),
-    House((15.5, -3), -90, 9, BRICK, 4, 4, "flat", SLATE, (0.80, 0.78, 0.72), sides="r"),
-    House((FAR, 16), -90, 12, OCHRE, 3, 4, "pitched", SLATE, plain=True),
-    House((FAR, -10), -90, 12, ROSE, 3, 4, "pitched", CLAY, plain=True),
-    House((FAR, 6), 180, 12.5, GREY, 3, 4, "flat", SLATE, depth=7.5, plain=True),
-    House((25.5, -12), 0, 12.5, SAND, 3, 4, "flat", SLATE, depth=7.5, plain=True),
+    House((15.5, 6), -90, 9, MINT, 3, 3, "pitched", CLAY, sides="l"),
+    House((15.5, -3), -90, 9, BRICK, 4, 4, "flat", SLATE, (0.80, 0.78, 0.72), sides="r", bare="l"),
+    House((EAST_END, 16), -90, 12, OCHRE, 3, 4, "pitched", SLATE, plain=True),
+    House((EAST_END, -10), -90, 12, ROSE, 3, 4, "pitched", CLAY, plain=True),
 )
 SOUTH = (
     House((15.5, -21), 180, 11, OCHRE, 3, 4, "pitched", CLAY, (0.08, 0.22, 0.42)),
-    House((4.5, -21), 180, 11, ROSE, 4, 4, "flat", SLATE, (0.55, 0.07, 0.06), sides="r"),
-    House((26.5, -21), 180, 11, CREAM, 3, 4, "pitched", SLATE, plain=True),
-    House((FAR, -21), 180, 11.5, SKY, 3, 4, "pitched", CLAY, plain=True),
-    House((-5.0, -FAR), 180, 11, CREAM, 4, 4, "pitched", CLAY, plain=True),
+    House((4.5, -21), 180, 11, ROSE, 4, 4, "flat", SLATE, (0.55, 0.07, 0.06), sides="r", bare="l"),
+    House((EAST_END, -21), 180, 11, CREAM, 3, 4, "pitched", SLATE, plain=True),
+    House((-5.0, SOUTH_END), 180, 11, CREAM, 4, 4, "pitched", CLAY, plain=True),
 )
 
 
-def houses(wall_m: float) -> list[Object]:
+def houses(wall_m: float, sills: bool) -> list[Object]:
     """All houses, by the side of the square."""
     rows = {
         "north": (NORTH, "coloured fronts behind the saucer: their rows of windows meet its outline directly"),
@@ -299,4 +318,6 @@ def houses(wall_m: float) -> list[Object]:
         "east": (EAST, "fronts at the right and the ends of two streets"),
         "south": (SOUTH, "fronts behind the camera: the middle of the hull mirrors them"),
     }
-    return [Object(f"houses-{side}", merged(*(house(h, wall_m) for h in row)), shows) for side, (row, shows) in rows.items()]
+    return [
+        Object(f"houses-{side}", merged(*(house(h, wall_m, sills) for h in row)), shows) for side, (row, shows) in rows.items()
+    ]

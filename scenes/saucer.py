@@ -17,18 +17,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchharness.scene import Mesh, Reflector, merged
+from scenes.bowls import ALUMINIUM_ETA, ALUMINIUM_K
 from scenes.shapes import Colour, ball, lathe, placed, pose, tube
 
-A, C = 4.2, 1.75
+A, C = 4.2, 1.9
 """Semi-axes of the lens, metres."""
-R, Z = 1.75, 0.85
+R, Z = 1.9, 0.8
 """Radius of the dome and height of its centre over the lens's, metres."""
-P = 7.0
+P = 5.0
 """Order of the power mean: the higher, the narrower the hollow at the dome's foot."""
-
-CHROMIUM_ETA = (3.11, 3.18, 2.32)
-CHROMIUM_K = (3.31, 3.33, 3.14)
-"""Complex index of refraction of chromium for red, green and blue (Johnson and Christy 1974, at 630, 530 and 465 nm)."""
 
 STEEL: Colour = (0.42, 0.42, 0.44)
 AMBER: Colour = (0.85, 0.42, 0.05)
@@ -105,7 +102,7 @@ def hull(segments: int, rings: int) -> Mesh:
 
 def reflector(segments: int, rings: int, motion) -> Reflector:
     mesh = hull(segments, rings)
-    return Reflector("saucer", mesh, mesh, CHROMIUM_ETA, CHROMIUM_K, motion)
+    return Reflector("saucer", mesh, mesh, ALUMINIUM_ETA, ALUMINIUM_K, motion)
 
 
 def legs(n: int) -> Mesh:
@@ -146,7 +143,7 @@ class Descent:
     tilt_deg       of its axis while it flies
     """
 
-    start: tuple[float, float, float] = (4.0, 9.0, 11.0)
+    start: tuple[float, float, float] = (2.5, 5.0, 9.5)
     hover: tuple[float, float, float] = (0.3, 0.2, REST + 1.6)
     turn_deg: float = 70.0
     tilt_deg: float = 7.0

@@ -173,6 +173,21 @@ def lamp_post(n: int) -> Mesh:
     return merged(post, placed(ball(0.26, n, max(6, n // 2 + 1), (0.85, 0.83, 0.78)), (0, 0, 3.68)))
 
 
+def garland(start, end, sag_m: float, flags: int) -> Mesh:
+    """Pennants on a cord from `start` to `end` [3] that hangs `sag_m` in the middle."""
+    start, end = np.asarray(start, np.float64), np.asarray(end, np.float64)
+    hanging = lambda t: start + np.multiply.outer(t, end - start) - np.multiply.outer(4 * sag_m * t * (1 - t), [0, 0, 1])  # noqa: E731
+    across = np.cross(end - start, [0, 0, 1])
+    across *= 0.01 / np.linalg.norm(across)
+    colours = [(0.75, 0.08, 0.06), (0.85, 0.62, 0.08), (0.08, 0.28, 0.60), (0.80, 0.80, 0.78), (0.10, 0.42, 0.18)]
+    parts = [tube(hanging(np.linspace(0, 1, flags // 2 + 1)), 0.03, 3, DARK)]
+    for k in range(flags):
+        a, b = hanging(np.array([k + 0.15, k + 0.85]) / flags)
+        flag = np.stack([a, b, 0.5 * (a + b) - [0, 0, 1.0]])
+        parts.append(Mesh(np.concatenate([flag - across, flag + across]), [[0, 1, 2], [5, 4, 3]], albedo=colours[k % 5]))
+    return merged(*parts)
+
+
 def bench() -> Mesh:
     """A bench that looks towards -y."""
     wood = (0.45, 0.22, 0.10)

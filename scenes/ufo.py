@@ -33,6 +33,7 @@ class Detail:
     tile      edge of a paving stone, metres
     road      distance of base vertices on roads and pavements, metres
     wall      the same on houses
+    sills     whether windows towards the square have sills and two panes
     body      the same on trucks
     h_max     longest edge that is drawn, metres
     """
@@ -43,13 +44,14 @@ class Detail:
     tile: float
     road: float
     wall: float
+    sills: bool
     body: float
     h_max: float
 
 
 DETAILS: dict[str, Detail] = {
-    "lean": Detail(near=8, far=6, hull=(96, 72), tile=1.0, road=3.0, wall=5.0, body=2.4, h_max=2.4),
-    "paper": Detail(near=24, far=16, hull=(120, 84), tile=0.4, road=1.2, wall=1.8, body=0.4, h_max=2.0),
+    "lean": Detail(near=8, far=6, hull=(96, 64), tile=1.0, road=3.0, wall=5.0, sills=False, body=2.6, h_max=2.6),
+    "paper": Detail(near=28, far=18, hull=(120, 84), tile=0.34, road=1.2, wall=1.0, sills=True, body=0.3, h_max=1.6),
 }
 
 FRAMES, FPS = 100, 25.0
@@ -57,7 +59,7 @@ STILL_S = (FRAMES - 1) / FPS
 """The moment at which everything stands if nothing moves: the saucer has landed."""
 SKY = (0.36, 0.52, 0.80)
 """Radiance of the clear sky."""
-SUN_AT = (-46.0, -92.0, 92.0)
+SUN_AT = (-84.0, -62.0, 92.0)
 SUN_RADIUS = 8.0
 SUN_RADIANCE = (210.0, 180.0, 135.0)
 
@@ -81,7 +83,7 @@ def ufo(detail: DetailName = "lean", moving: bool = True) -> Scene:
         name="ufo",
         objects=(
             *city.ground(d.tile, d.road),
-            *city.houses(d.wall),
+            *city.houses(d.wall, d.sills),
             *_greenery(d),
             *_furniture(d),
             *_people(d),
@@ -94,7 +96,7 @@ def ufo(detail: DetailName = "lean", moving: bool = True) -> Scene:
         frames=FRAMES,
         fps=FPS,
         background=SKY,
-        exposure=-0.2,
+        exposure=0.0,
         detail=detail,
         h_max=d.h_max,
     )
@@ -115,21 +117,23 @@ class Held:
 
 @dataclass(frozen=True)
 class Approach:
-    """The camera: at the height of the onlookers, walks towards the saucer and keeps its eyes on it.
+    """The camera: from above the road it comes down to the height of the onlookers, its eyes on the saucer.
 
-    It sets out looking at a point between the saucer and the square, so that both are in the picture.
+    It sets out looking `below` the saucer, so that both it and the square are in the picture, arrives after `arrive_s` and
+    goes on sideways all the time, `drift` metres in all.
     """
 
     flight: Motion
-    start: tuple[float, float, float] = (5.6, -12.6, 2.6)
-    end: tuple[float, float, float] = (0.6, -8.6, 2.0)
-    below: tuple[float, float] = (2.6, 0.15)
-    duration: float = STILL_S
+    start: tuple[float, float, float] = (5.8, -17.0, 6.4)
+    end: tuple[float, float, float] = (1.2, -9.7, 2.0)
+    below: tuple[float, float] = (2.4, 0.1)
+    drift: float = -1.4
+    arrive_s: float = 2.6
 
     def __call__(self, time: float) -> Camera:
-        s = float(np.clip(time / self.duration, 0.0, 1.0))
+        s = float(np.clip(time / self.arrive_s, 0.0, 1.0))
         s = s * s * (3 - 2 * s)
-        eye = (1 - s) * np.asarray(self.start) + s * np.asarray(self.end)
+        eye = (1 - s) * np.asarray(self.start) + s * np.asarray(self.end) + [self.drift * time / STILL_S, 0.0, 0.0]
         target = self.flight(time)[:3, 3] - [0.0, 0.0, (1 - s) * self.below[0] + s * self.below[1]]
         return Camera(tuple(eye.tolist()), tuple(target.tolist()), fov_deg=46.0)
 
@@ -164,6 +168,9 @@ def _furniture(d: Detail) -> list[Object]:
                "thin posts, which the hull bends into hooks"),
         Object("parasols", merged(*(placed(street.parasol(d.near, colour), (*at, 0)) for at, colour in parasols)),
                "striped cones beside the saucer, just below its rim"),
+        Object("garlands", merged(street.garland((-15.4, -7.5, 12.6), (15.4, -7.0, 12.6), 0.9, 24),
+                                  street.garland((-15.4, 10.0, 12.8), (15.4, 10.5, 12.8), 0.7, 24)),
+               "coloured pennants high above: their rows are bows before the sky in the upper hull"),
         Object("benches", merged(*(placed(street.bench(), (*at, 0), turn) for at, turn in benches)),
                "slats close together at the island's edge"),
         Object("cars", merged(*(placed(street.car(d.far, colour), (*at, -city.KERB), turn) for at, turn, colour in cars)),
@@ -186,9 +193,9 @@ def _trucks(d: Detail, moving: bool) -> list[Object]:
          street.Drive((-9.0, -20.0), 90.0, 7.0, low, straight_m=22.5, radius_m=6.0, turn_deg=-90.0),
          "a red and white van that comes from the south, passes on the left and turns behind the saucer"),
         ("truck-tanker", street.tanker(n, (0.06, 0.20, 0.46), (0.06, 0.34, 0.56)),
-         street.Drive((26.0, 11.5), 180.0, 8.0, low), "a tanker that crosses behind the saucer, seen beside its own image"),
+         street.Drive((21.0, 11.5), 180.0, 6.5, low), "a tanker that crosses behind the saucer, seen beside its own image"),
         ("truck-flatbed", street.flatbed(n, (0.82, 0.52, 0.05), d.body),
-         street.Drive((21.0, -14.5), 180.0, 5.5, low), "a yellow lorry behind the camera, seen in the mirror alone"),
+         street.Drive((20.0, -14.5), 180.0, 5.5, low), "a yellow lorry behind the camera, seen in the mirror alone"),
     ]  # fmt: skip
     return [
         Object(name, mesh, shows, drive) if moving else Object(name, mesh.transformed(drive(STILL_S)), shows)
