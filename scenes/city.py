@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from benchharness.scene import Mesh, Object, merged
-from scenes.shapes import Colour, bar, box, lathe, placed, sheet, steps, tiles, with_breaks
+from scenes.shapes import Colour, box, lathe, placed, sheet, steps, tiles, with_breaks
 
 ISLAND = (-7.5, 7.5, -13.0, 7.0)
 """The paved island: x from, to, y from, to, metres."""
@@ -55,7 +55,7 @@ def ground(tile_m: float, road_m: float) -> list[Object]:
                "rings and rays of coloured stone right under the saucer, where the mirror bends them most"),
         Object("kerb", merged(*kerb), "the island's edge, a step down to the road"),
         Object("road", road, "the dark ground on which the trucks stand out"),
-        Object("road-lines", merged(*dashes, *stripes), "dashes in a straight row and a crossing: their rows bend in the mirror"),
+        Object("road-lines", merged(*dashes, *stripes), "dashes in straight rows and a crossing, bent by the mirror"),
         Object("pavements", merged(*(_pavement(*p, road_m) for p in PAVEMENTS)),
                "a pale band with a kerb along the houses, broken by the streets"),
     ]  # fmt: skip
@@ -261,12 +261,16 @@ def _roof(h: House, top: float, wall_m: float) -> list[Mesh]:
     slope = np.array([0.0, half, rise]) / length
     xs, ts = steps(-0.1, h.width + 0.1, wall_m), steps(0.0, length + eave, wall_m)
     front = sheet((0, -eave * slope[1], top - eave * slope[2] + 0.12), (1, 0, 0), slope, xs, ts, h.tile)
-    parts = [front, *(box((u, 1.7, top + 0.8), (u + 0.7, 2.5, top + 3.3), CHIMNEY, "-z") for u in (0.12 * h.width, 0.7 * h.width))]
-    gable = Mesh([[0, 0, top], [0, h.depth, top], [0, half, top + rise]], [[0, 2, 1]], [[-1, 0, 0]] * 3, h.wall)
+    parts = [
+        front,
+        *(box((u, 1.7, top + 0.8), (u + 0.7, 2.5, top + 3.3), CHIMNEY, "-z") for u in (0.12 * h.width, 0.7 * h.width)),
+    ]
+    corners = np.array([[0, 0, top], [0, h.depth, top], [0, half, top + rise]])
+    gable = Mesh(corners, np.array([[0, 2, 1]]), np.tile([-1.0, 0.0, 0.0], (3, 1)), h.wall)
     if "l" in h.sides + h.bare:
         parts.append(gable)
     if "r" in h.sides + h.bare:
-        parts.append(Mesh(gable.vertices + [h.width, 0, 0], gable.faces[:, ::-1], -gable.normals, h.wall))
+        parts.append(Mesh(np.add(gable.vertices, [h.width, 0, 0]), gable.faces[:, ::-1], -gable.normals, h.wall))
     if h.sides + h.bare:
         turn = [1, -1, 1]
         parts.append(Mesh(front.vertices * turn + [0, h.depth, 0], front.faces[:, ::-1], front.normals * turn, h.tile))

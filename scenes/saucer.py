@@ -112,7 +112,7 @@ def legs(n: int) -> Mesh:
     for azimuth in (30.0, 150.0, 270.0):
         out = np.array([np.cos(np.radians(azimuth)), np.sin(np.radians(azimuth)), 0.0])
         ankle = 2.3 * out - [0, 0, HALF + LEG_M]
-        parts.append(tube([1.75 * out - [0, 0, HALF - 0.5], ankle + [0, 0, 0.12]], 0.09, max(6, n // 2), STEEL))
+        parts.append(tube([1.75 * out - [0, 0, HALF - 0.5], np.add(ankle, [0, 0, 0.12])], 0.09, max(6, n // 2), STEEL))
         parts.append(placed(foot, ankle))
     return merged(*parts)
 

@@ -115,7 +115,9 @@ def tanker(n: int, cab: Colour, tank: Colour) -> Mesh:
     body = placed(placed(long, (0, 0, x0), tilt_deg=0), (0, 0, 0), 90, 90)
     body = Mesh(body.vertices * [1, 1, 1] + [0, 0, 0.85 + r], body.faces, body.normals, body.albedo)
     hatch = [placed(lathe([(0.3, 0), (0.3, 0.18), (0, 0.2)], n, RIM), (x, 0, 0.85 + 2 * r - 0.03)) for x in (-2.6, -1.2, 0.2)]
-    rail = [tube([(x0 + 0.3, y, 0.85 + r + 0.1), (x1 - 0.3, y, 0.85 + r + 0.1)], 0.05, max(5, n // 3), tank) for y in (-1.13, 1.13)]
+    rail = [
+        tube([(x0 + 0.3, y, 0.85 + r + 0.1), (x1 - 0.3, y, 0.85 + r + 0.1)], 0.05, max(5, n // 3), tank) for y in (-1.13, 1.13)
+    ]
     return merged(body, *hatch, *rail, *_cab(n, cab, 1.5, 3.3, 2.7), *_chassis(n, -3.7, 3.0, [-2.9, -1.6, 2.3]))
 
 
@@ -163,7 +165,9 @@ def tree(n: int, seed: int, height: float = 6.5) -> Mesh:
         swell = 1 + 0.10 * np.sin(5 * d[:, 0] + 3 * k) * np.sin(6 * d[:, 1] + k) + 0.08 * np.sin(9 * d[:, 2] + 4 * d[:, 0])
         v = lump.vertices * swell[:, None] + at
         light = np.clip(0.5 + 0.45 * d[:, 2:] + 0.25 * np.sin(7 * d[:, :1] + 5 * d[:, 1:2] + seed), 0, 1)
-        parts.append(Mesh(v, lump.faces, albedo=(1 - light) * np.array([0.07, 0.16, 0.04]) + light * np.array([0.28, 0.42, 0.10])))
+        parts.append(
+            Mesh(v, lump.faces, albedo=(1 - light) * np.array([0.07, 0.16, 0.04]) + light * np.array([0.28, 0.42, 0.10]))
+        )
     return merged(*parts)
 
 
@@ -184,7 +188,9 @@ def garland(start, end, sag_m: float, flags: int) -> Mesh:
     for k in range(flags):
         a, b = hanging(np.array([k + 0.15, k + 0.85]) / flags)
         flag = np.stack([a, b, 0.5 * (a + b) - [0, 0, 1.0]])
-        parts.append(Mesh(np.concatenate([flag - across, flag + across]), [[0, 1, 2], [5, 4, 3]], albedo=colours[k % 5]))
+        parts.append(
+            Mesh(np.concatenate([flag - across, flag + across]), np.array([[0, 1, 2], [5, 4, 3]]), albedo=colours[k % 5])
+        )
     return merged(*parts)
 
 
@@ -214,14 +220,20 @@ def parasol(n: int, colour: Colour) -> Mesh:
     gores = []
     for k in range(count):
         a, b = 2 * np.pi * k / count, 2 * np.pi * (k + 1) / count
-        rim, mid = [[np.cos(t) * 1.35, np.sin(t) * 1.35, 2.2] for t in (a, b)], [[np.cos(t) * 0.75, np.sin(t) * 0.75, 2.48] for t in (a, b)]
+        rim, mid = (
+            [[np.cos(t) * 1.35, np.sin(t) * 1.35, 2.2] for t in (a, b)],
+            [[np.cos(t) * 0.75, np.sin(t) * 0.75, 2.48] for t in (a, b)],
+        )
         v = [*rim, *mid, [0, 0, 2.66]]
-        gores.append(Mesh(v, [[0, 1, 3], [0, 3, 2], [2, 3, 4]], albedo=colour if k % 2 else WHITE))
+        gores.append(Mesh(np.array(v), np.array([[0, 1, 3], [0, 3, 2], [2, 3, 4]]), albedo=colour if k % 2 else WHITE))
     inside = replace(cone, vertices=cone.vertices - [0, 0, 0.02], faces=cone.faces[:, ::-1], normals=-cone.normals)
     pole = tube([(0, 0, 0), (0, 0, 2.5)], 0.035, 6, WHITE)
     table = lathe([(0.45, 0.70), (0.45, 0.74), (0, 0.74)], n, WHITE)
     under = lathe([(0, 0.70), (0.45, 0.70)], n, WHITE)
-    stools = [placed(lathe([(0.2, 0), (0.2, 0.45), (0, 0.45)], max(6, n // 2), colour), (x, y, 0)) for x, y in ((0.75, 0.1), (-0.7, 0.3))]
+    stools = [
+        placed(lathe([(0.2, 0), (0.2, 0.45), (0, 0.45)], max(6, n // 2), colour), (x, y, 0))
+        for x, y in ((0.75, 0.1), (-0.7, 0.3))
+    ]
     return merged(*gores, inside, pole, table, under, *stools)
 
 
@@ -229,12 +241,28 @@ def person(n: int, coat: Colour, trousers: Colour, height: float = 1.74) -> Mesh
     """Somebody who looks up, towards +x; one arm points."""
     s = height / 1.74
     skin = (0.62, 0.42, 0.30)
-    outline = [(0.13, 0), (0.15, 0.45), (0.17, 0.85), (0.2, 0.86), (0.19, 1.1), (0.23, 1.38), (0.09, 1.5), (0.06, 1.56)]
-    body = lathe(np.array(outline) * s, max(6, n // 2), [trousers, trousers, trousers, coat, coat, coat, skin], sharp_deg=60)
+    outline = [
+        (0.13, 0),
+        (0.15, 0.45),
+        (0.17, 0.85),
+        (0.2, 0.86),
+        (0.19, 1.1),
+        (0.23, 1.38),
+        (0.09, 1.5),
+        (0.06, 1.56),
+        (0, 1.57),
+    ]
+    body = lathe(
+        np.array(outline) * s, max(6, n // 2), [trousers, trousers, trousers, coat, coat, coat, skin, skin], sharp_deg=60
+    )
     body = replace(body, vertices=body.vertices * [0.75, 1.0, 1.0])
     head = placed(ball(0.12 * s, max(8, 2 * n // 3), max(6, n // 3 + 1), skin), (0.02, 0, 1.63 * s))
     hair = head.vertices[:, 2:] - 1.63 * s > 0.35 * (head.vertices[:, :1] - 0.02) + 0.01
     head = replace(head, albedo=np.where(hair, (0.12, 0.07, 0.04), skin))
-    arm = tube(arc((0.0, 0.21 * s, 1.33 * s), (0.5 * s, 0.0, 0.25 * s), (0, 0, -0.1 * s), 60, 0, 4), 0.05 * s, max(5, n // 3), coat)
-    other = tube([(0, -0.24 * s, 1.36 * s), (0.02, -0.28 * s, 1.05 * s), (0.08, -0.26 * s, 0.8 * s)], 0.05 * s, max(5, n // 3), coat)
+    arm = tube(
+        arc((0.0, 0.21 * s, 1.33 * s), (0.5 * s, 0.0, 0.25 * s), (0, 0, -0.1 * s), 60, 0, 4), 0.05 * s, max(5, n // 3), coat
+    )
+    other = tube(
+        [(0, -0.24 * s, 1.36 * s), (0.02, -0.28 * s, 1.05 * s), (0.08, -0.26 * s, 0.8 * s)], 0.05 * s, max(5, n // 3), coat
+    )
     return merged(body, head, arm, other)

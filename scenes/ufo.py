@@ -50,8 +50,8 @@ class Detail:
 
 
 DETAILS: dict[str, Detail] = {
-    "lean": Detail(near=8, far=6, hull=(96, 64), tile=1.0, road=3.0, wall=5.0, sills=False, body=2.6, h_max=2.6),
-    "paper": Detail(near=28, far=18, hull=(120, 84), tile=0.34, road=1.2, wall=1.0, sills=True, body=0.3, h_max=1.6),
+    "lean": Detail(near=8, far=6, hull=(92, 60), tile=1.0, road=3.0, wall=5.0, sills=False, body=2.6, h_max=3.0),
+    "paper": Detail(near=28, far=18, hull=(120, 84), tile=0.34, road=1.2, wall=1.0, sills=True, body=0.3, h_max=1.2),
 }
 
 FRAMES, FPS = 100, 25.0
@@ -60,8 +60,10 @@ STILL_S = (FRAMES - 1) / FPS
 SKY = (0.36, 0.52, 0.80)
 """Radiance of the clear sky."""
 SUN_AT = (-84.0, -62.0, 92.0)
-SUN_RADIUS = 8.0
-SUN_RADIANCE = (210.0, 180.0, 135.0)
+SUN_RADIUS = 14.0
+SUN_RADIANCE = (69.0, 59.0, 44.0)
+"""The sun: wider and dimmer than the real one, so that its few pixels in the mirror do not outweigh all others.
+About 2 W/m² of irradiance on a surface that faces it, beside the sky's 1.1 to 2.5 on the ground."""
 
 
 def ufo(detail: DetailName = "lean", moving: bool = True) -> Scene:
@@ -158,8 +160,11 @@ def _greenery(d: Detail) -> list[Object]:
 
 def _furniture(d: Detail) -> list[Object]:
     lamps = [(x, y) for x in (-6.8, 6.8) for y in (-12.3, -5.0, 6.3)] + [(x, 13.6) for x in (-13.0, -5.5, 4.0, 13.0)]
-    cars = [((14.5 - 1.9, -5.5), 90, (0.55, 0.05, 0.04)), ((12.6, -10.2), 90, (0.10, 0.22, 0.42)), ((1.5, -18.0), 0, (0.70, 0.60, 0.14)),
-            ((-20.0, 12.0), 180, (0.62, 0.62, 0.60))]  # fmt: skip
+    cars = [
+        ((12.6, -5.5), 90, (0.55, 0.05, 0.04)),
+        ((12.6, -10.2), 90, (0.10, 0.22, 0.42)),
+        ((1.5, -18.0), 0, (0.70, 0.60, 0.14)),
+    ]
     parasols = [((-6.1, 2.6), (0.62, 0.08, 0.06)), ((-6.0, -1.6), (0.07, 0.22, 0.50)), ((5.9, 3.3), (0.80, 0.52, 0.06))]
     benches = [((6.4, -3.0), 90), ((6.4, 0.2), 90), ((3.0, 6.4), 0), ((-3.0, 6.4), 0)]
     return [
@@ -179,7 +184,14 @@ def _furniture(d: Detail) -> list[Object]:
 
 
 def _people(d: Detail) -> list[Object]:
-    coats: list[Colour] = [(0.60, 0.07, 0.06), (0.80, 0.66, 0.20), (0.10, 0.24, 0.50), (0.75, 0.73, 0.70), (0.12, 0.34, 0.18), (0.55, 0.22, 0.40)]
+    coats: list[Colour] = [
+        (0.60, 0.07, 0.06),
+        (0.80, 0.66, 0.20),
+        (0.10, 0.24, 0.50),
+        (0.75, 0.73, 0.70),
+        (0.12, 0.34, 0.18),
+        (0.55, 0.22, 0.40),
+    ]
     places = [(-3.6, -5.2), (-2.7, -5.7), (3.9, -4.6), (5.2, -1.0), (-5.2, 4.6), (4.6, 5.2)]
     people = [placed(street.person(d.near, coats[k], ((0.10, 0.12, 0.18), (0.25, 0.20, 0.14))[k % 2], 1.62 + 0.05 * (k % 4)),
                      (x, y, 0), float(np.degrees(np.arctan2(-y, -x)))) for k, (x, y) in enumerate(places)]  # fmt: skip
@@ -206,5 +218,10 @@ def _trucks(d: Detail, moving: bool) -> list[Object]:
 def _on_the_saucer(d: Detail, flight: Motion) -> list[Object]:
     return [
         Object("legs", saucer.legs(d.near), "where the saucer stands, and the nearest things that its hull mirrors", flight),
-        Object("saucer-lamps", saucer.lamps(max(8, d.near // 2)), "beads that show that the saucer turns, and touch their images", flight),
+        Object(
+            "saucer-lamps",
+            saucer.lamps(max(8, d.near // 2)),
+            "beads that show that the saucer turns, and touch their images",
+            flight,
+        ),
     ]
