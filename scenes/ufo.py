@@ -6,7 +6,8 @@ square like a bent map: the rosette it lands on, the road with its trucks, the h
 from matters as much as its direction.
 
 Two details of the same square. `paper` has as many vertices as the city of Estalella et al. 2006: 63,884 as built and
-81,977 after `refined`. `lean` is what the picture needs.
+81,977 after `refined`, within 1 %. `lean` has about 21,000 as built, 5,338 of them the hull's, and 24,000 after `refined`
+with edges of 3 m at most.
 """
 
 from __future__ import annotations
