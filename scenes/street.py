@@ -177,6 +177,10 @@ def lamp_post(n: int) -> Mesh:
     return merged(post, placed(ball(0.26, n, max(6, n // 2 + 1), (0.85, 0.83, 0.78)), (0, 0, 3.68)))
 
 
+PRISM = np.array([[0, 1, 2], [5, 4, 3], [0, 3, 4], [0, 4, 1], [1, 4, 5], [1, 5, 2], [2, 5, 3], [2, 3, 0]])
+"""Faces of two triangles back to back and what joins them."""
+
+
 def garland(start, end, sag_m: float, flags: int) -> Mesh:
     """Pennants on a cord from `start` to `end` [3] that hangs `sag_m` in the middle."""
     start, end = np.asarray(start, np.float64), np.asarray(end, np.float64)
@@ -188,9 +192,7 @@ def garland(start, end, sag_m: float, flags: int) -> Mesh:
     for k in range(flags):
         a, b = hanging(np.array([k + 0.15, k + 0.85]) / flags)
         flag = np.stack([a, b, 0.5 * (a + b) - [0, 0, 1.0]])
-        parts.append(
-            Mesh(np.concatenate([flag - across, flag + across]), np.array([[0, 1, 2], [5, 4, 3]]), albedo=colours[k % 5])
-        )
+        parts.append(Mesh(np.concatenate([flag - across, flag + across]), PRISM, albedo=colours[k % 5]))
     return merged(*parts)
 
 
@@ -226,7 +228,9 @@ def parasol(n: int, colour: Colour) -> Mesh:
         )
         v = [*rim, *mid, [0, 0, 2.66]]
         gores.append(Mesh(np.array(v), np.array([[0, 1, 3], [0, 3, 2], [2, 3, 4]]), albedo=colour if k % 2 else WHITE))
-    inside = replace(cone, vertices=cone.vertices - [0, 0, 0.02], faces=cone.faces[:, ::-1], normals=-cone.normals)
+    # It meets the gores at the rim.
+    lower = cone.vertices - [0, 0, 0.03] * (1 - np.linalg.norm(cone.vertices[:, :2], axis=1, keepdims=True) / 1.35)
+    inside = replace(cone, vertices=lower, faces=cone.faces[:, ::-1], normals=-cone.normals)
     pole = tube([(0, 0, 0), (0, 0, 2.5)], 0.035, 6, WHITE)
     table = lathe([(0.45, 0.70), (0.45, 0.74), (0, 0.74)], n, WHITE)
     under = lathe([(0, 0.70), (0.45, 0.70)], n, WHITE)

@@ -136,7 +136,8 @@ def rims(mesh: Mesh) -> list[np.ndarray]:
 
 
 @pytest.mark.parametrize(
-    "name", ["truck-red", "truck-tanker", "truck-flatbed", "cars", "trees", "lamps", "people", "legs", "saucer-lamps"]
+    "name",
+    ["truck-red", "truck-tanker", "truck-flatbed", "cars", "trees", "lamps", "people", "garlands", "legs", "saucer-lamps"],
 )
 def test_what_can_be_seen_from_all_sides_is_closed_but_for_the_face_that_it_stands_on(name):
     mesh = next(o.mesh for o in built().objects if o.name == name)
