@@ -31,7 +31,6 @@ from typing import Annotated, ClassVar, Literal
 
 import drjit as dr
 import mitsuba as mi
-import numpy as np
 from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection, Vertices, View
@@ -76,14 +75,14 @@ class Ends:
 class State:
     """
     triangles     the scene in object space; attributes: radiance, black for reflectors
-    points        the scene in world space
+    world         the scene in world space
     surroundings  radiance at infinity, None for a scene without
     ends          per reflector, where the last searches ended
     view          the camera of the last frame
     """
 
     triangles: geometry.Geometry
-    points: mi.Float
+    world: geometry.Geometry
     surroundings: mi.Color3f | None
     objects: int
     ends: list[Ends]
@@ -120,15 +119,12 @@ class ImageSpaceSearch(Method):
     paper: ClassVar[str] = "Estalella et al. 2006"
 
     def prepare(self, scene: Scene) -> State:
-        lit = [(o.mesh.vertices, o.mesh.radiance, o.mesh.faces) for o in scene.objects]
-        black = [(r.mesh.vertices, np.zeros_like(r.mesh.vertices), r.mesh.faces) for r in scene.reflectors]
-        triangles = geometry.upload(lit + black)
+        triangles = geometry.of_scene(scene)
         surroundings = mi.Color3f(scene.background) if max(scene.background) > 0 else None
-        return State(triangles, triangles.points, surroundings, len(lit), [], None)
+        return State(triangles, triangles, surroundings, len(scene.objects), [], None)
 
     def update(self, state: State, frame: Frame) -> State:
-        points = geometry.posed(state.triangles.points, state.triangles.vertex_count, frame.poses)
-        return replace(state, points=points)
+        return replace(state, world=geometry.placed(state.triangles, frame.poses))
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         options = Options(
@@ -142,11 +138,11 @@ class ImageSpaceSearch(Method):
             window = search.window(frame.view, frame.boxes[i], self.widening)
             texels = search.render(proxy, frame.poses, part, window.view)
             images, end, report = _search(
-                state.points, texels, window, part, frame.view, state.view if warm else frame.view,
+                state.world.points, texels, window, part, frame.view, state.view if warm else frame.view,
                 last, state.triangles.vertex_count, dr.opaque(mi.UInt32, self.max_iter), options,
             )  # fmt: skip
             own, length, covered = virtual.draw(
-                images, state.points, state.triangles, part, frame.view, frame.p, frame.reflector,
+                images, state.world.points, state.world, part, frame.view, frame.p, frame.reflector,
                 dr.opaque(mi.Int32, i), (texels, window.view), self.hidden == "cut",
             )  # fmt: skip
             L, distance, found = (own, length, covered) if i == 0 else (L + own, distance + length, found | covered)

@@ -9,7 +9,7 @@ edge itself. Without, their hidden vertices are drawn wherever the caller put th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
@@ -38,35 +38,35 @@ def draw(images: Images, points, triangles: geometry.Geometry, part, view, p: mi
     """What one mirror shows: radiance, length of the reflected ray, coverage, one lane per pixel; 0 where it is not seen.
 
     points            the scene's own vertices in world space
+    triangles         their triangles; from `geometry.placed`, so that highlights are those that each pixel's `p` sees
     part              number of the mirror's part, which does not show itself
     p                 the mirror's point at each pixel
     reflector, layer  number of the mirror at each pixel; this mirror's
     mirror            (texels, view) of `kernels.search`: what hides a point
     """
-    packets, radiance, faces, drawn, limit = _assembled(images, points, triangles, part, view, p, reflector, layer, mirror, cut)
-    visibility = raster.rasterize(packets, faces, 2 * triangles.face_count, view, limit=limit, drawn=drawn)
-    return _shown(packets, radiance, faces, visibility, view, p, reflector, layer)
+    packets, shown, drawn, limit = _assembled(images, points, triangles, part, view, p, reflector, layer, mirror, cut)
+    visibility = raster.rasterize(packets, shown.faces, shown.face_count, view, limit=limit, drawn=drawn)
+    return _shown(packets, shown, visibility, view, p, reflector, layer)
 
 
 @frozen
 @dr.syntax
-def _shown(packets, radiance, faces, visibility, view, p: mi.Point3f, reflector, layer):
+def _shown(packets, triangles: geometry.Geometry, visibility, view, p: mi.Point3f, reflector, layer):
     pixel = dr.arange(mi.UInt32, view.width * view.height)
     own = reflector == layer
     triangle = raster.winner_at(visibility, view, pixel, own)
     hit = own & (triangle != raster.NONE)
     L, distance = mi.Color3f(0), mi.Float(0)
     if hit:
-        face, weights, q = raster.met(packets, faces, triangle, view, pixel)
-        value = raster.interpolate(radiance, face, weights, mi.Bool(True))
-        L = mi.Color3f(value.x, value.y, value.z)
+        face, weights, q = raster.met(packets, triangles.faces, triangle, view, pixel)
+        L = geometry.radiance(triangles, face, weights, p, mi.Bool(True))
         distance = dr.maximum(dr.norm(q - view.eye) - dr.norm(p - view.eye), 0)
     return L, distance, hit
 
 
 @frozen
 def _assembled(images: Images, points, triangles: geometry.Geometry, part, view, p, reflector, layer, mirror, cut: bool):
-    """Vertices, their radiance, triangles, which of them to draw, and how near a pixel lets them come.
+    """Virtual vertices, the triangles with what they are images of, which to draw, and how near a pixel lets them come.
 
     Two slots per triangle: a cut one may become two. The vertices of the scene come first, then two per triangle f, number
     f and f + face_count of the rest: where it was cut.
@@ -82,7 +82,8 @@ def _assembled(images: Images, points, triangles: geometry.Geometry, part, view,
     # A triangle that reaches behind the eye has no image.
     near = [(q.w != REFLECTED) | (dr.dot(view.w, mi.Vector4f(q.x, q.y, q.z, 1)) > view.near) for q in corner]
     shown &= near[0] & near[1] & near[2]
-    packets, radiance, faces, drawn = images.moved, triangles.attributes, triangles.faces, shown
+    shine = triangles.shine
+    carried = [triangles.attributes] if shine is None else [triangles.attributes, points, shine.normals, shine.visibility]
     if cut:
         # Turn the triangle so that its first vertex is reflected and its last is hidden. A reflected pair keeps a
         # quadrilateral, i0 i1 two one; a single vertex a triangle, i0 one two.
@@ -92,21 +93,26 @@ def _assembled(images: Images, points, triangles: geometry.Geometry, part, view,
         )
         i, k = _turned(face, turn), _turned(kinds, turn)
         pair = k[1] == REFLECTED
-        one = _cut(points, triangles, i[0], dr.select(pair, i[2], i[1]), mirror, mixed)
-        two = _cut(points, triangles, dr.select(pair, i[1], i[0]), i[2], mirror, mixed)
+        one = _cut(points, carried, i[0], dr.select(pair, i[2], i[1]), mirror, mixed)
+        two = _cut(points, carried, dr.select(pair, i[1], i[0]), i[2], mirror, mixed)
         first = mi.Vector4u(i[0], dr.select(pair, i[1], vertex_count + f), vertex_count + count + f, face.w)
         second = mi.Vector4u(i[0], vertex_count + count + f, vertex_count + f, face.w)
-        parts = [_packed(value, f, count) for value in (*one, *two, dr.select(mixed, first, face), second)]
+        slots = [_packed(value, f, count) for value in (dr.select(mixed, first, face), second)]
+        ends = [[_packed(value, f, count) for value in end] for end in (one, two)]
         extra = mixed & pair
-        dr.eval(parts, shown, extra)  # one kernel, before the parts are put together
-        packets = dr.concat([packets, parts[0], parts[2]])
-        radiance = dr.concat([radiance, parts[1], parts[3]])
-        faces, drawn = dr.concat([parts[4], parts[5]]), dr.concat([shown, extra])
+        dr.eval(slots, ends, shown, extra)  # one kernel, before the parts are put together
+        whole = [images.moved, *carried]
+        packets, *carried = (dr.concat([mine, *others]) for mine, *others in zip(whole, *ends, strict=True))
+        faces, drawn = dr.concat(slots), dr.concat([shown, extra])
     else:
-        faces = dr.concat([faces, faces])
+        packets = images.moved
+        faces = dr.concat([triangles.faces, triangles.faces])
         drawn = dr.concat([shown, dr.zeros(mi.Bool, count)])
     depth = dr.dot(view.w, mi.Vector4f(p.x, p.y, p.z, 1))
-    return packets, radiance, faces, drawn, dr.select(reflector == layer, dr.rcp(depth * (1 - CONTACT)), 0)
+    if shine is not None:
+        points, shine = carried[1], replace(shine, normals=carried[2], visibility=carried[3])
+    lit = geometry.Geometry(points, carried[0], faces, dr.width(packets) // 4, 2 * count, shine)
+    return packets, lit, drawn, dr.select(reflector == layer, dr.rcp(depth * (1 - CONTACT)), 0)
 
 
 def _packed(value, lane: mi.UInt32, count: int):
@@ -122,8 +128,8 @@ def _turned(values, turn: mi.UInt32 | mi.Int32) -> list:
 
 
 @dr.syntax
-def _cut(points, triangles, inner, outer, mirror, active):
-    """Where the edge inner -> outer enters the hidden region, just behind the border: packets of position and radiance."""
+def _cut(points, carried: list, inner, outer, mirror, active):
+    """Where the edge inner -> outer enters the hidden region, just behind the border: packets of position and of `carried`."""
     texels, view = mirror
     a, b = dr.gather(mi.Vector4f, points, inner, active), dr.gather(mi.Vector4f, points, outer, active)
     low, high = mi.Float(0), mi.Float(1)
@@ -137,8 +143,8 @@ def _cut(points, triangles, inner, outer, mirror, active):
         low, high = dr.select(behind, low, middle), dr.select(behind, middle, high)
         step += 1
     x = dr.lerp(a, b, high)
-    light = [dr.gather(mi.Vector4f, triangles.attributes, i, active) for i in (inner, outer)]
-    return mi.Vector4f(x.x, x.y, x.z, HIDDEN), dr.lerp(light[0], light[1], high)
+    there = [dr.lerp(*(dr.gather(mi.Vector4f, packets, i, active) for i in (inner, outer)), high) for packets in carried]
+    return [mi.Vector4f(x.x, x.y, x.z, HIDDEN), *there]
 
 
 def _turned_to_mirror(points, at, face, kinds) -> mi.Bool:
