@@ -6,8 +6,7 @@ float64 NumPy on the host, right-handed, z up, in metres and seconds; radiance a
 Surfaces are diffuse, one-sided in spirit and two-sided in effect: a mesh whose back can be seen should be closed.
 Light comes from objects that emit (``Mesh.emission``), from ``Scene.lights`` and from ``Scene.background``. What a
 surface sends back is not stored by the author but baked (``benchharness.bake``) into ``Mesh.radiance``, so that every
-method sees the same light. What depends on where a surface is seen from is the highlight of a point light on an object with
-``Gloss``: that is shaded wherever the object is seen, directly or in a mirror.
+method sees the same light. Only highlights, of point lights on objects with ``Gloss``, depend on where one looks from.
 """
 
 from __future__ import annotations
@@ -109,7 +108,7 @@ def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def merged(*meshes: Mesh) -> Mesh:
-    """One mesh out of several, in their order; radiance is kept if all have it, visibility likewise, of equally many lights."""
+    """One mesh out of several, in their order; radiance and visibility (of as many lights) are kept if all have them."""
     seen = {None if m.visibility is None else m.visibility.shape[1] for m in meshes}
     starts = np.cumsum([0] + [len(m.vertices) for m in meshes])
 
@@ -336,9 +335,7 @@ class Scene:
     exposure    stops (powers of two) that take the scene's radiance to display brightness, for FLIP and the pictures
     detail      "lean" or "paper"
     h_max       edges of objects longer than this, in metres, are split after baking (`refined`); None: no splitting
-    lights      point lights, at most MOST_LIGHTS
-
-    Raises ValueError for more lights.
+    lights      point lights; ValueError for more than MOST_LIGHTS
     """
 
     name: str

@@ -21,7 +21,7 @@ from benchharness.kernels import geometry, lighting, search, virtual
 from benchharness.mitsuba_gloss import bsdf
 from benchharness.mitsuba_scene import fingerprint
 from benchharness.reference import ReferenceOptions, render
-from benchharness.scene import Gloss, Mesh, Object, PointLight, Reflector, Scene, merged, subdivided
+from benchharness.scene import Gloss, Mesh, Object, PointLight, Reflector, Scene, subdivided
 from methods.environment_map import EnvironmentMap
 from methods.image_space_search import ImageSpaceSearch
 from methods.ray_traced import RayTraced
@@ -386,41 +386,6 @@ def test_hashes_tell_scenes_with_other_highlights_apart():
     pictures = {render(s, 0.0, (24, 18)).image.tobytes() for s in (made, *others)}
     # Without lights, without gloss and with a black one there is nothing to see: one and the same picture.
     assert len(pictures) == 6
-
-
-def test_visibility_goes_where_radiance_goes():
-    mesh = dark(quad((0, 0, 0), (1, 0, 0), (0, 1, 0)), 2)
-    mesh = replace(mesh, visibility=np.array([[0, 1], [1, 1], [1, 0], [0, 0.5]]))
-    moved = mesh.transformed(np.diag([2.0, 2.0, 2.0, 1.0]))
-    assert moved.visibility is not None and np.array_equal(moved.visibility, mesh.visibility)
-    fine = subdivided(mesh, 0.8)
-    assert fine.visibility is not None
-    x = fine.vertices[:, 0]  # the first light's share is x at the corners, and so in between
-    np.testing.assert_allclose(fine.visibility[:, 0], x, atol=1e-12)
-    assert fine.visibility.shape == (len(x), 2)
-    both = merged(mesh, mesh).visibility
-    assert both is not None and both.shape == (8, 2)
-    assert merged(mesh, replace(mesh, visibility=None)).visibility is None
-    assert merged(mesh, replace(mesh, visibility=np.ones((4, 1)))).visibility is None
-
-
-@pytest.mark.parametrize(
-    ("build", "message"),
-    [
-        (lambda: PointLight((0, 0), (1, 1, 1)), r"point light: position is \(0, 0\); accepted: three finite numbers"),
-        (lambda: PointLight((0, 0, np.inf), (1, 1, 1)), "position is .*inf"),
-        (lambda: PointLight((0, 0, 0), (1, -1, 1)), "intensity is .* from 0"),
-        (lambda: Gloss((0, 0, 1.5), 10.0), "specular is .* from 0 to 1"),
-        (lambda: Gloss((0, 0, 1), 0.0), "gloss: exponent is 0.0; accepted: positive"),
-        (lambda: Gloss((0, 0, 1), np.nan), "exponent is nan"),
-        (lambda: scene((), (), lights=(LAMP,) * 5), "5 lights; accepted: at most 4"),
-        (lambda: replace(dark(quad((0, 0, 0), (1, 0, 0), (0, 1, 0))), visibility=np.ones((3, 1))), "visibility has shape"),
-        (lambda: replace(dark(quad((0, 0, 0), (1, 0, 0), (0, 1, 0))), visibility=2 * np.ones((4, 1))), "within 0 and 1"),
-    ],
-)
-def test_what_makes_no_sense_is_refused(build, message):
-    with pytest.raises(ValueError, match=message):
-        build()
 
 
 def test_highlights_of_what_was_not_baked_are_refused():
