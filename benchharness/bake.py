@@ -14,6 +14,11 @@ faces, one at the vertex, zero at its neighbours. A vertex thus stands for its n
 another surface is not black. Points inside a closed part of the scene (floor under a table leg) are not counted; a
 vertex that has no other point takes the mean of its neighbours.
 
+Where there are highlights (`Scene.glossy`), the share of each point light that is seen is baked too: over the same points,
+as far as their faces are turned to the light. So a shadow's edge is as wide as the triangles it is drawn with, and a curved
+mesh does not shade itself in facets where it turns away; there the normals make an end. A vertex without such a point
+takes the mean of its neighbours.
+
 Emitters are sampled from the vertex as well as hit by chance, weighted by the power heuristic. All vertices use the
 same random numbers, Sobol' points for the first segment: what error remains is alike for neighbours and shows as faint
 blotches rather than noise. A mirror's caustics are found by chance and converge last.
@@ -38,14 +43,15 @@ from scipy.stats import qmc
 
 import benchharness.cache as cache
 import benchharness.mitsuba_scene as mitsuba_scene
-from benchharness.scene import Mesh, Scene
+from benchharness.scene import Mesh, PointLight, Scene
 
 LANES = 1 << 20
 """Paths traced at once: bounds memory (under 1 GB)."""
 
 
 def bake(scene: Scene, spp: int = 512, max_depth: int = 6, seed: int = 0) -> Scene:
-    """The scene with `radiance` set in every mesh; a reflector's is zero. Cached by content.
+    """The scene with `radiance` set in every mesh, a reflector's is zero; and the objects' `visibility` if it is glossy. Cached
+    by content.
 
     spp        paths per vertex; a power of two serves the Sobol' points best
     max_depth  segments of a path, counted from the vertex: 1 is light that comes straight from emitters
@@ -62,30 +68,33 @@ def bake(scene: Scene, spp: int = 512, max_depth: int = 6, seed: int = 0) -> Sce
         mitsuba_scene.fingerprint(scene, 0.0, "transport"),
         (int(spp), int(max_depth), int(seed)),
     )
-    radiance = cache.cached("bake", key, lambda: _radiance(scene, int(spp), int(max_depth), int(seed)))["radiance"]
+    baked = cache.cached("bake", key, lambda: _light(scene, int(spp), int(max_depth), int(seed)))
     objects, start = [], 0
     for part in scene.objects:
         end = start + len(part.mesh.vertices)
-        objects.append(replace(part, mesh=replace(part.mesh, radiance=radiance[start:end])))
+        objects.append(replace(part, mesh=replace(part.mesh, **{name: a[start:end] for name, a in baked.items()})))
         start = end
     black = np.zeros(3)
     reflectors = [replace(part, mesh=replace(part.mesh, radiance=black)) for part in scene.reflectors]
     return replace(scene, objects=tuple(objects), reflectors=tuple(reflectors))
 
 
-def _radiance(scene: Scene, spp: int, max_depth: int, seed: int) -> cache.Arrays:
-    """Radiance of all objects' vertices, float32 [V, 3]."""
+def _light(scene: Scene, spp: int, max_depth: int, seed: int) -> cache.Arrays:
+    """Radiance of all objects' vertices, float32 [V, 3]; and visibility, float32 [V, L], if the scene is glossy."""
     if not scene.objects:
         return {"radiance": np.zeros((0, 3), np.float32)}
     meshes = [part.mesh.transformed(part.pose(0.0)) for part in scene.objects]
-    incoming, counted = _incoming(scene, _Vertices(meshes), spp, max_depth, seed)
-    out, start = [], 0
+    incoming, counted, *seen = _incoming(scene, _Vertices(meshes), spp, max_depth, seed)
+    out, visibility, start = [], [], 0
     for mesh in meshes:
         end = start + len(mesh.vertices)
         filled = _filled(incoming[start:end], counted[start:end], mesh.faces)
         out.append(np.asarray(mesh.emission) + np.asarray(mesh.albedo) * filled)
+        each = [_filled(share[start:end, None], turned[start:end], mesh.faces) for share, turned in seen]
+        visibility.append(np.concatenate(each, axis=1) if each else None)
         start = end
-    return {"radiance": np.concatenate(out).astype(np.float32)}
+    arrays = {"radiance": out} | ({"visibility": visibility} if seen else {})
+    return {name: np.concatenate(values).astype(np.float32) for name, values in arrays.items()}
 
 
 class _Vertices:
@@ -117,8 +126,9 @@ class _Vertices:
         self.cdf = (total - before) / (last - before)
 
 
-def _incoming(scene: Scene, vertices: _Vertices, spp: int, max_depth: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Mean of L_i under K, float64 [V, 3], and how many paths it is the mean of, int [V]."""
+def _incoming(scene: Scene, vertices: _Vertices, spp: int, max_depth: int, seed: int) -> list:
+    """Mean of L_i under K, float64 [V, 3], and how many paths it is the mean of, int [V]; and per light, if the scene is
+    glossy, the share of points that see it, float64 [V], and of how many, int [V]."""
     world = mitsuba_scene.mitsuba_scene(scene, 0.0, "transport", [closed_faces(part.mesh) for part in scene.parts])
     integrator = mi.load_dict({"type": "path", "max_depth": max_depth, "rr_depth": 1 << 20})
     sampler = _common_sampler(spp)
@@ -128,6 +138,8 @@ def _incoming(scene: Scene, vertices: _Vertices, spp: int, max_depth: int, seed:
 
     count = len(vertices.p)
     incoming, counted = np.zeros((count, 3)), np.zeros(count, np.int64)
+    lights = scene.lights if scene.glossy else ()
+    seen = [(np.zeros(count), np.zeros(count, np.int64)) for _ in lights]
     lit = np.unique(vertices.owner)
     step = max(1, LANES // spp)
     for start in range(0, len(lit), step):
@@ -141,7 +153,20 @@ def _incoming(scene: Scene, vertices: _Vertices, spp: int, max_depth: int, seed:
         counted[chunk] = valid.sum(axis=1)
         total = (L.reshape(len(chunk), spp, 3) * valid[..., None]).sum(axis=1)
         incoming[chunk] = total / np.maximum(counted[chunk], 1)[:, None]
-    return incoming, counted
+        for light, (share, number) in zip(lights, seen, strict=True):
+            turned, open_ = (a.reshape(len(chunk), spp) & valid for a in _sight(world, light, p, face_n))
+            number[chunk] = turned.sum(axis=1)
+            share[chunk] = (turned & open_).sum(axis=1) / np.maximum(number[chunk], 1)
+    return [incoming, counted, *seen]
+
+
+def _sight(world: mi.Scene, light: PointLight, p: np.ndarray, face_n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Whether points [N, 3] on faces of these normals are turned to a light, and whether nothing is in between; bool [N]."""
+    si = dr.zeros(mi.SurfaceInteraction3f, len(p))
+    si.p, si.n = mi.Point3f(np.float32(p).T), mi.Normal3f(np.float32(face_n).T)
+    position = mi.Point3f(*light.position)
+    blocked = world.ray_test(si.spawn_ray_to(position))
+    return np.array(dr.dot(si.n, position - si.p) > 0), ~np.array(blocked)
 
 
 def _common_sampler(spp: int) -> mi.Sampler:
@@ -224,7 +249,8 @@ def _paths(world, integrator, sampler, p, n, face_n, u) -> tuple[np.ndarray, np.
         # A sampled emitter, weighted the other way.
         light, weight = world.sample_emitter_direction(si, u_l, True)
         K = density(light.d)
-        L += dr.select(light.pdf > 0, weight * K * power_heuristic(light.pdf, K), 0)
+        share = dr.select(light.delta, 1, power_heuristic(light.pdf, K))  # no direction hits a point light by chance
+        L += dr.select(light.pdf > 0, weight * K * share, 0)
     return np.array(L, np.float64).T, ~np.array(inside)
 
 

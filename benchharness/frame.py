@@ -11,7 +11,7 @@ import mitsuba as mi
 import numpy as np
 
 from benchharness.api import Frame, Surface, View
-from benchharness.kernels import geometry, optics, raster
+from benchharness.kernels import geometry, lighting, optics, raster
 from benchharness.kernels.frozen import frozen
 from benchharness.scene import Camera, Mesh, Reflector, Scene
 
@@ -61,15 +61,14 @@ class FrameRenderer:
         self.scene, self.width, self.height = scene, width, height
         lit = [(o.mesh.vertices, np.asarray(o.mesh.radiance), o.mesh.faces) for o in scene.objects]
         mirrors = [(r.mesh.vertices, np.asarray(r.mesh.normals), r.mesh.faces) for r in scene.reflectors]
-        self.geometry = geometry.upload(lit + mirrors)
+        self.geometry = geometry.upload(lit + mirrors, lighting.shine_of(scene))
         self.surfaces = [surface_of(r.mesh) for r in scene.reflectors]
         self.proxies = [self.surfaces[i] if r.closed is None else surface_of(r.closed) for i, r in enumerate(scene.reflectors)]
         self.background = opaque(mi.Color3f, scene.background)
         metals = [(r.eta, r.k) for r in scene.reflectors]
         self.eta = [None if eta is None else opaque(mi.Color3f, eta) for eta, _ in metals]
         self.k = [None if eta is None else opaque(mi.Color3f, k) for eta, k in metals]
-        self._poses: np.ndarray | None = None
-        self._world: tuple = ()
+        self._posed: tuple[np.ndarray, mi.Float, geometry.Geometry] | None = None
 
     def view(self, index: int) -> View:
         return view_of(self.scene.camera(self.scene.time(index)), self.width, self.height, self.scene.near)
@@ -80,12 +79,9 @@ class FrameRenderer:
 
     def draw(self, index: int, view: View) -> Frame:
         """Frame `index` as seen by `view`: the part of `render` that is timed as `gbuffer_ms`."""
-        poses, points, normals = self._posed(self.scene.poses(self.scene.time(index)))
-        g = self.geometry
-        visibility = raster.rasterize(points, g.faces, g.face_count, view, cull="back")
-        reflector, active, p, n, radiance = _first_hits(
-            points, normals, g.faces, visibility, self.background, view, len(self.scene.objects)
-        )
+        poses, world = self._placed(self.scene.poses(self.scene.time(index)))
+        visibility = raster.rasterize(world.points, world.faces, world.face_count, view, cull="back")
+        reflector, active, p, n, radiance = _first_hits(world, visibility, self.background, view, len(self.scene.objects))
         pixels = mi.UInt32(dr.compress(active))
         v = dr.normalize(view.eye - p)
         time = self.scene.time(index)
@@ -110,15 +106,15 @@ class FrameRenderer:
         """The whole picture from what a method answered: mirrors show `L` times their reflectance."""
         return composed(frame.radiance, L, frame.n, frame.v, frame.reflector, self.eta, self.k)
 
-    def _posed(self, poses: np.ndarray) -> tuple[mi.Float, mi.Float, mi.Float]:
-        if self._poses is None or (poses != self._poses).any():
-            g = self.geometry
+    def _placed(self, poses: np.ndarray) -> tuple[mi.Float, geometry.Geometry]:
+        """The poses on the device, and the triangles there, with the mirrors' normals in world space too."""
+        if self._posed is None or (poses != self._posed[0]).any():
             rows = opaque(mi.Float, poses.astype(np.float32).ravel())
-            points = geometry.posed(g.points, g.vertex_count, rows)
-            normals = _turned_mirrors(g, rows, len(self.scene.objects))
-            dr.eval(points, normals)
-            self._poses, self._world = poses, (rows, points, normals)
-        return self._world
+            world = geometry.placed(self.geometry, rows)
+            world.attributes = _turned_mirrors(self.geometry, rows, len(self.scene.objects))
+            dr.eval(world)
+            self._posed = poses, rows, world
+        return self._posed[1:]
 
 
 def _turned_mirrors(g: geometry.Geometry, poses: mi.Float, objects: int) -> mi.Float:
@@ -133,17 +129,17 @@ def _turned_mirrors(g: geometry.Geometry, poses: mi.Float, objects: int) -> mi.F
 
 
 @frozen
-def _first_hits(points, attributes, faces, visibility, background, view: View, objects: int):
-    """Reflector number, point, normal and radiance at every pixel centre."""
+def _first_hits(world: geometry.Geometry, visibility, background, view: View, objects: int):
+    """Reflector number, point, normal and radiance at every pixel centre. The attributes of mirrors are their normals."""
     lane = dr.arange(mi.UInt32, view.width * view.height)
-    hit, face, weights, p = raster.seen(points, faces, visibility, view, lane)
-    value = raster.interpolate(attributes, face, weights, hit)
+    hit, face, weights, p = raster.seen(world.points, world.faces, visibility, view, lane)
+    value = geometry.radiance(world, face, weights, view.eye, hit)
     reflector = dr.select(hit, mi.Int32(geometry.part_of(face)) - objects, -1)
     reflector = dr.select(reflector >= 0, reflector, -1)
     mirror = reflector >= 0
     n = dr.normalize(mi.Vector3f(value.x, value.y, value.z))
     n = dr.select(mirror, dr.select(dr.dot(n, view.eye - p) < 0, -n, n), 0)
-    seen = dr.select(hit, mi.Color3f(value.x, value.y, value.z), background)
+    seen = dr.select(hit, value, background)
     return reflector, mirror, dr.select(mirror, p, 0), mi.Normal3f(n), dr.select(mirror, 0, seen)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import benchharness
-from benchharness.scene import Mesh, Scene
+from benchharness.scene import Mesh, Object, Scene
 
 LENGTH = 16
 """Hexadecimal digits kept: 64 bits, far beyond chance among the runs of one project."""
@@ -24,6 +24,8 @@ def of_scene(scene: Scene) -> str:
     for part in scene.parts:
         digest.update(type(part).__name__.encode())
         _add_mesh(digest, part.mesh)
+        if isinstance(part, Object) and part.gloss is not None:
+            digest.update(json.dumps(["gloss", part.gloss.specular, part.gloss.exponent]).encode())
     for reflector in scene.reflectors:
         digest.update(json.dumps([reflector.eta, reflector.k, reflector.closed is not None]).encode())
         if reflector.closed is not None:
@@ -35,6 +37,8 @@ def of_scene(scene: Scene) -> str:
         digest.update(np.array([*camera.eye, *camera.target, *camera.up, camera.fov_deg], np.float64).tobytes())
     constants = [scene.frames, scene.fps, scene.near, *scene.background, scene.ppd, scene.exposure, scene.h_max or 0.0]
     digest.update(np.array(constants, np.float64).tobytes())
+    if scene.lights:
+        digest.update(json.dumps(["lights", [[light.position, light.intensity] for light in scene.lights]]).encode())
     return digest.hexdigest()[:LENGTH]
 
 
@@ -58,3 +62,5 @@ def _add_mesh(digest: Any, mesh: Mesh) -> None:
     for values in (mesh.vertices, mesh.faces, mesh.normals, mesh.albedo, mesh.emission, mesh.radiance):
         array = np.zeros(0) if values is None else np.ascontiguousarray(values)
         digest.update(str(array.shape).encode() + array.tobytes())
+    if mesh.visibility is not None:
+        digest.update(b"visibility" + str(mesh.visibility.shape).encode() + mesh.visibility.tobytes())

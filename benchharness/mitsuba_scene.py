@@ -6,8 +6,10 @@
              nothing. Mitsuba's area emitters shine to the front of the shading frame only, so objects carry face
              normals here: what is lit does not depend on vertex normals. The material is a conductor of reflectance
              zero rather than a black diffuse one, which keeps the path integrator from sampling emitters: without that
-             the picture has no noise at all.
-"transport"  Objects are diffuse on both sides (`Mesh.albedo`, vertex normals) and emit where their author said so.
+             the picture has no noise at all. Highlights of point lights on objects with gloss are part of what they
+             emit, with the baked visibility of the lights that the methods use too; there are no shadow rays.
+"transport"  Objects are diffuse on both sides (`Mesh.albedo`, vertex normals), glossy where they have gloss (which reflects
+             everything, not only point lights), and emit where their author said so; point lights cast traced shadows.
              Mitsuba can sample an emitter of constant radiance only: from one of a `mesh_attribute` most of the light
              is lost, silently. So a mesh is split: faces of one emission become one emitter each, and faces over which
              emission varies become one of `sampling_weight` 0, which paths find by chance.
@@ -26,7 +28,9 @@ from collections.abc import Iterator, Sequence
 import mitsuba as mi
 import numpy as np
 
-from benchharness.scene import Mesh, Reflector, Scene
+from benchharness import mitsuba_gloss
+from benchharness.cache import source_hash
+from benchharness.scene import Mesh, Object, PointLight, Reflector, Scene
 
 LIGHTINGS = ("baked", "transport")
 
@@ -36,7 +40,7 @@ def mitsuba_scene(scene: Scene, time: float, lighting: str, marks: Sequence[np.n
 
     marks   per part of `scene.parts` a float [F]: given to Mitsuba as the attribute `face_mark` of that part's faces
 
-    Raises ValueError for another lighting, and for "baked" where an object has no radiance.
+    Raises ValueError for another lighting, and for "baked" where an object has no radiance, or gloss and no visibility.
     """
     if lighting not in LIGHTINGS:
         raise ValueError(f"lighting is {lighting!r}; accepted: {', '.join(LIGHTINGS)}")
@@ -48,12 +52,16 @@ def mitsuba_scene(scene: Scene, time: float, lighting: str, marks: Sequence[np.n
         if isinstance(part, Reflector):
             shapes.append(_mesh(part.name, mesh, mark, bsdf=_conductor(part)))
         elif lighting == "baked":
-            shapes.append(_baked(part.name, mesh, mark))
+            shapes.append(_baked(part, mesh, mark, scene.lights))
         else:
             for chosen, emission in _by_emission(mesh):
-                shapes.append(_lit(part.name, mesh, chosen, mark, emission))
+                shapes.append(_lit(part, mesh, chosen, mark, emission))
                 sampled |= emission is not None and bool(emission.any())
     content: dict = {f"shape_{i:04d}": shape for i, shape in enumerate(shapes)}
+    if lighting == "transport":
+        for i, light in enumerate(scene.lights):
+            content[f"light_{i}"] = {"type": "point", "position": list(light.position), "intensity": _rgb(light.intensity)}
+            sampled = True
 
     # Mitsuba wants something to sample where there are emitters: a black environment stands in.
     emits = any(shape.is_emitter() for shape in shapes)
@@ -72,6 +80,11 @@ def fingerprint(scene: Scene, time: float, lighting: str) -> list:
             content += ["reflector", part.eta, part.k]
         else:
             content += [mesh.radiance] if lighting == "baked" else [mesh.albedo, mesh.emission]
+            if part.gloss is not None and (scene.lights or lighting == "transport"):
+                content += ["gloss", source_hash(mitsuba_gloss.__file__), part.gloss.specular, part.gloss.exponent]
+                content += [mesh.visibility] if lighting == "baked" else []
+    if scene.glossy or (scene.lights and lighting == "transport"):
+        content += ["lights", *((light.position, light.intensity) for light in scene.lights)]
     return content
 
 
@@ -87,22 +100,27 @@ def _conductor(reflector: Reflector) -> mi.BSDF:
     return mi.load_dict({"type": "twosided", "bsdf": {"type": "conductor", **metal}})
 
 
-def _baked(name: str, mesh: Mesh, mark: np.ndarray) -> mi.Mesh:
+def _baked(part: Object, mesh: Mesh, mark: np.ndarray, lights: Sequence[PointLight]) -> mi.Mesh:
     if mesh.radiance is None:
-        raise ValueError(f"object {name} has no radiance; accepted with baked lighting: a scene that `bake` returned")
+        raise ValueError(f"object {part.name} has no radiance; accepted with baked lighting: a scene that `bake` returned")
     black = mi.load_dict({"type": "conductor", "specular_reflectance": _rgb((0, 0, 0))})
-    emitter = mi.load_dict({"type": "area", "radiance": {"type": "mesh_attribute", "name": "vertex_radiance"}})
-    shape = _mesh(name, mesh, mark, bsdf=black, emitter=emitter, face_normals=True)
+    shines = part.gloss is not None and len(lights) > 0
+    baked = {"type": "mesh_attribute", "name": "vertex_radiance"}
+    emitter = mi.load_dict({"type": "area", "radiance": mitsuba_gloss.radiance(part.gloss, lights) if shines else baked})
+    shape = _mesh(part.name, mesh, mark, bsdf=black, emitter=emitter, face_normals=True)
     shape.add_attribute("vertex_radiance", 3, np.float32(mesh.radiance).ravel())
+    if shines:
+        mitsuba_gloss.describe(shape, mesh.normals, part.seen(len(lights)))
     return shape
 
 
-def _lit(name: str, mesh: Mesh, chosen: np.ndarray, mark: np.ndarray, emission: np.ndarray | None) -> mi.Mesh:
-    """Faces `chosen` as a diffuse surface with one emission [3], or with what varies over its faces for None."""
+def _lit(part: Object, mesh: Mesh, chosen: np.ndarray, mark: np.ndarray, emission: np.ndarray | None) -> mi.Mesh:
+    """Faces `chosen` as a surface with one emission [3], or with what varies over its faces for None."""
     albedo = {"type": "mesh_attribute", "name": "vertex_albedo"}
-    parts: dict = {
-        "bsdf": mi.load_dict({"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": albedo}}),
-    }
+    front = {"type": "diffuse", "reflectance": albedo}
+    if part.gloss is not None:
+        front = mitsuba_gloss.bsdf(part.gloss, mi.load_dict(albedo))
+    parts: dict = {"bsdf": mi.load_dict({"type": "twosided", "bsdf": front})}
     if emission is None:
         varying = {"type": "mesh_attribute", "name": "vertex_emission"}
         parts["emitter"] = mi.load_dict({"type": "area", "radiance": varying, "sampling_weight": 0.0})
@@ -116,7 +134,7 @@ def _lit(name: str, mesh: Mesh, chosen: np.ndarray, mark: np.ndarray, emission: 
         albedo=np.asarray(mesh.albedo)[used],
         emission=np.asarray(mesh.emission)[used],
     )
-    shape = _mesh(name, piece, mark[chosen], **parts)
+    shape = _mesh(part.name, piece, mark[chosen], **parts)
     shape.add_attribute("vertex_albedo", 3, np.float32(piece.albedo).ravel())
     if emission is None:
         shape.add_attribute("vertex_emission", 3, np.float32(piece.emission).ravel())

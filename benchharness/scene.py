@@ -4,8 +4,9 @@ A scene is objects that are seen in mirrors, reflectors that are the mirrors, an
 float64 NumPy on the host, right-handed, z up, in metres and seconds; radiance and albedo are linear RGB.
 
 Surfaces are diffuse, one-sided in spirit and two-sided in effect: a mesh whose back can be seen should be closed.
-Light comes from objects that emit (``Mesh.emission``) and from ``Scene.background``. What a surface sends back is not
-stored by the author but baked (``benchharness.bake``) into ``Mesh.radiance``, so that every method sees the same light.
+Light comes from objects that emit (``Mesh.emission``), from ``Scene.lights`` and from ``Scene.background``. What a
+surface sends back is not stored by the author but baked (``benchharness.bake``) into ``Mesh.radiance``, so that every
+method sees the same light. Only highlights, of point lights on objects with ``Gloss``, depend on where one looks from.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ import numpy as np
 Motion = Callable[[float], np.ndarray]
 """Time in seconds -> rigid pose, float64 [4, 4], object to world."""
 
+MOST_LIGHTS = 4  # point lights of a scene: their visibilities at a vertex are one packet of 4 floats on the device
+
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
@@ -28,7 +31,8 @@ class Mesh:
     normals    float64 [V, 3], unit, outward; area-weighted vertex normals where not given
     albedo     float64 [V, 3] in [0, 1]; one colour [3] is spread over all vertices
     emission   float64 [V, 3] radiance that the surface emits by itself, W/(m² sr); one colour [3] is spread
-    radiance   float64 [V, 3] radiance that leaves the surface, baked; None until then
+    radiance   float64 [V, 3] radiance that leaves the surface, highlights aside, baked; None until then
+    visibility float64 [V, L] in [0, 1]: how much of each of `Scene.lights` is seen, baked where highlights need it; else None
 
     Raises ValueError for no faces, non-finite numbers, and indices out of range.
     """
@@ -39,6 +43,7 @@ class Mesh:
     albedo: np.ndarray | tuple = (0.5, 0.5, 0.5)
     emission: np.ndarray | tuple = (0.0, 0.0, 0.0)
     radiance: np.ndarray | None = None
+    visibility: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         vertices = np.ascontiguousarray(self.vertices, np.float64)
@@ -64,6 +69,15 @@ class Mesh:
             object.__setattr__(self, name, value)
         if self.radiance is not None:
             object.__setattr__(self, "radiance", self._per_vertex("radiance", self.radiance, len(vertices)))
+        if self.visibility is not None:
+            visibility = np.ascontiguousarray(self.visibility, np.float64)
+            if visibility.shape not in [(len(vertices), n + 1) for n in range(MOST_LIGHTS)]:
+                raise ValueError(
+                    f"mesh: visibility has shape {visibility.shape}; accepted: [{len(vertices)}, 1 to {MOST_LIGHTS}]"
+                )
+            if not ((visibility >= 0) & (visibility <= 1)).all():
+                raise ValueError("mesh: visibility is not within 0 and 1; accepted: the share of a light that is seen")
+            object.__setattr__(self, "visibility", visibility)
 
     @staticmethod
     def _per_vertex(name: str, value, n: int) -> np.ndarray:
@@ -94,7 +108,8 @@ def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def merged(*meshes: Mesh) -> Mesh:
-    """One mesh out of several, in their order; radiance is kept if all have it."""
+    """One mesh out of several, in their order; radiance and visibility (of as many lights) are kept if all have them."""
+    seen = {None if m.visibility is None else m.visibility.shape[1] for m in meshes}
     starts = np.cumsum([0] + [len(m.vertices) for m in meshes])
 
     def stack(name: str) -> np.ndarray:
@@ -107,6 +122,7 @@ def merged(*meshes: Mesh) -> Mesh:
         albedo=stack("albedo"),
         emission=stack("emission"),
         radiance=stack("radiance") if all(m.radiance is not None for m in meshes) else None,
+        visibility=stack("visibility") if len(seen) == 1 and None not in seen else None,
     )
 
 
@@ -123,6 +139,8 @@ def subdivided(mesh: Mesh, h_max: float) -> Mesh:
     attributes = np.concatenate([mesh.normals, np.asarray(mesh.albedo), np.asarray(mesh.emission)], axis=1)
     if mesh.radiance is not None:
         attributes = np.concatenate([attributes, mesh.radiance], axis=1)
+    if mesh.visibility is not None:
+        attributes = np.concatenate([attributes, mesh.visibility], axis=1)
     while True:
         edges = np.sort(np.stack([f, np.roll(f, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
         unique, inverse = np.unique(edges, axis=0, return_inverse=True)
@@ -142,6 +160,7 @@ def subdivided(mesh: Mesh, h_max: float) -> Mesh:
         albedo=attributes[:, 3:6],
         emission=attributes[:, 6:9],
         radiance=attributes[:, 9:12] if mesh.radiance is not None else None,
+        visibility=attributes[:, -mesh.visibility.shape[1] :] if mesh.visibility is not None else None,
     )
 
 
@@ -181,21 +200,80 @@ def _turned(f: np.ndarray, middle: np.ndarray, first: Callable) -> tuple[np.ndar
     return np.take_along_axis(f, order, axis=1), np.take_along_axis(middle, order, axis=1)
 
 
+@dataclass(frozen=True)
+class PointLight:
+    """Shines from a point, equally in all directions.
+
+    position   [3] metres, world space; it stands still
+    intensity  RGB, W/sr: at distance d it gives intensity / d², W/m², to what faces it
+
+    Raises ValueError for what is not finite, and for a negative intensity.
+    """
+
+    position: tuple[float, float, float]
+    intensity: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        _set_triple(self, "point light", "position", -np.inf, np.inf)
+        _set_triple(self, "point light", "intensity", 0.0, np.inf)
+
+
+@dataclass(frozen=True)
+class Gloss:
+    """A highlight above the diffuse surface: Blinn-Phong, with unit directions to the light and to the viewer and h halfway,
+
+        f = specular (e + 8) / (8 π) max(0, n·h)^e
+
+    per unit of solid angle (Akenine-Möller, Haines and Hoffman, Real-Time Rendering, 3rd edition, 7.6). The factor makes the
+    lobe reflect `specular` at normal incidence, or up to 8 % more, whatever the exponent e. One-sided: n is the interpolated
+    vertex normal, and behind it there is no highlight.
+
+    specular   RGB in [0, 1]; with the albedo at most 1, or the surface gains energy
+    exponent   e, positive
+
+    Raises ValueError for anything else.
+    """
+
+    specular: tuple[float, float, float]
+    exponent: float
+
+    def __post_init__(self) -> None:
+        _set_triple(self, "gloss", "specular", 0.0, 1.0)
+        if not 0 < self.exponent < np.inf:
+            raise ValueError(f"gloss: exponent is {self.exponent}; accepted: positive numbers, such as 100")
+
+
+def _set_triple(item, kind: str, name: str, low: float, high: float) -> None:
+    """Makes a field of a frozen `item` three plain numbers; ValueError if they are not finite and from `low` to `high`."""
+    values = np.asarray(getattr(item, name), np.float64)
+    if values.shape != (3,) or not (np.isfinite(values) & (values >= low) & (values <= high)).all():
+        raise ValueError(f"{kind}: {name} is {getattr(item, name)}; accepted: three finite numbers from {low:g} to {high:g}")
+    object.__setattr__(item, name, tuple(values.tolist()))
+
+
 @dataclass(frozen=True, eq=False)
 class Object:
     """Something that is seen directly and in the mirrors.
 
     shows    a sentence: what this object is there to show. No reason, no object.
     motion   None for what stands still
+    gloss    None for a surface that is diffuse and nothing else
     """
 
     name: str
     mesh: Mesh
     shows: str
     motion: Motion | None = None
+    gloss: Gloss | None = None
 
     def pose(self, time: float) -> np.ndarray:
         return np.eye(4) if self.motion is None else np.asarray(self.motion(time), np.float64)
+
+    def seen(self, lights: int) -> np.ndarray:
+        """`mesh.visibility`, float64 [V, lights]; ValueError where it is not that of so many lights."""
+        if self.mesh.visibility is None or self.mesh.visibility.shape[1] != lights:
+            raise ValueError(f"object {self.name} has gloss and no visibility of {lights} lights; bake the scene first")
+        return self.mesh.visibility
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,6 +335,7 @@ class Scene:
     exposure    stops (powers of two) that take the scene's radiance to display brightness, for FLIP and the pictures
     detail      "lean" or "paper"
     h_max       edges of objects longer than this, in metres, are split after baking (`refined`); None: no splitting
+    lights      point lights; ValueError for more than MOST_LIGHTS
     """
 
     name: str
@@ -273,6 +352,11 @@ class Scene:
     source: dict = field(default_factory=dict)
     """What the builder was asked for, for the records: keyword -> value."""
     h_max: float | None = None
+    lights: tuple[PointLight, ...] = ()
+
+    def __post_init__(self) -> None:
+        if len(self.lights) > MOST_LIGHTS:
+            raise ValueError(f"scene {self.name}: {len(self.lights)} lights; accepted: at most {MOST_LIGHTS} point lights")
 
     def time(self, frame: int) -> float:
         return frame / self.fps
@@ -281,6 +365,11 @@ class Scene:
     def parts(self) -> tuple[Object | Reflector, ...]:
         """Objects, then reflectors: the order in which vertices and triangles are numbered everywhere."""
         return (*self.objects, *self.reflectors)
+
+    @property
+    def glossy(self) -> bool:
+        """Whether there are highlights: an object with gloss, and a point light."""
+        return bool(self.lights) and any(o.gloss is not None for o in self.objects)
 
     @property
     def vertices(self) -> int:

@@ -4,7 +4,8 @@ A cube map per reflector, captured in `update` by rasterizing everything but the
 mirror direction of its own ray as if all surroundings were infinitely far away.
 
 Assumes distant surroundings. What is near is shown in the wrong place: the parallax between the reflector's centre and
-the reflection point is ignored, and contact between an object and its image is lost. With `mip`, the level is chosen from
+the reflection point is ignored, and contact between an object and its image is lost. Highlights are those that the
+reflector's centre sees. With `mip`, the level is chosen from
 how far the direction turns from one pixel to the next, so that a strongly curved mirror does not alias.
 """
 
@@ -15,7 +16,6 @@ from typing import Annotated, ClassVar
 
 import drjit as dr
 import mitsuba as mi
-import numpy as np
 from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection
@@ -54,23 +54,21 @@ class EnvironmentMap(Method):
             raise ValueError(f"environment_map: resolution is {self.resolution}; accepted: a power of two, such as 256")
 
     def prepare(self, scene: Scene) -> State:
-        lit = [(o.mesh.vertices, o.mesh.radiance, o.mesh.faces) for o in scene.objects]
-        black = [(r.mesh.vertices, np.zeros_like(r.mesh.vertices), r.mesh.faces) for r in scene.reflectors]
         centres = []
         for r in scene.reflectors:
             v = (r.closed or r.mesh).vertices
             centres.append(mi.Point3f((0.5 * (v.min(axis=0) + v.max(axis=0))).tolist()))
         background, near = mi.Color3f(scene.background), mi.Float(NEAR)
         dr.make_opaque(background, near, centres)
-        return State(geometry.upload(lit + black), centres, background, near, [])
+        return State(geometry.of_scene(scene), centres, background, near, [])
 
     def update(self, state: State, frame: Frame) -> State:
         first = len(frame.poses) // 12 - len(state.centres)
-        points = geometry.posed(state.geometry.points, state.geometry.vertex_count, frame.poses)
+        world = geometry.placed(state.geometry, frame.poses)
         maps = []
         for i, centre in enumerate(state.centres):
             part = dr.opaque(mi.UInt32, first + i)
-            finest = _capture(state.geometry, points, frame.poses, part, centre, state.near, state.background, self.resolution)
+            finest = _capture(world, frame.poses, part, centre, state.near, state.background, self.resolution)
             levels = [finest]
             for n in cubemap.levels_of(self.resolution)[:-1] if self.mip else ():
                 levels.append(cubemap.coarser(levels[-1], n))
@@ -84,15 +82,12 @@ class EnvironmentMap(Method):
         return Reflection(L, distance, mi.Bool(frame.active)), state
 
 
-def _capture(triangles: geometry.Geometry, points, poses, part, centre, near, background, resolution: int) -> mi.Float:
+def _capture(triangles: geometry.Geometry, poses, part, centre, near, background, resolution: int) -> mi.Float:
     """The finest level of one reflector's map: everything but part number `part`, around `centre` of that part."""
     q = mi.Vector4f(centre.x, centre.y, centre.z, 1)
     world = mi.Point3f(*(dr.dot(dr.gather(mi.Vector4f, poses, part * 3 + k), q) for k in range(3)))
     owner = geometry.part_of(dr.gather(mi.Vector4u, triangles.faces, dr.arange(mi.UInt32, triangles.face_count)))
-    count = triangles.face_count
-    return cubemap.capture(
-        points, triangles.attributes, triangles.faces, count, owner != part, world, resolution, near, background
-    )
+    return cubemap.capture(triangles, owner != part, world, resolution, near, background)
 
 
 @frozen

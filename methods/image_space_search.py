@@ -131,11 +131,11 @@ class ImageSpaceSearch(Method):
             window = search.window(frame.view, frame.boxes[i], self.widening)
             texels = search.render(frame.proxies[i], frame.poses, part, window.view)
             images, end, report, reads = _search(
-                seen.points, shown_parts, texels, window, part, frame.view, state.view if warm else frame.view,
+                seen.world.points, shown_parts, texels, window, part, frame.view, state.view if warm else frame.view,
                 last, count, dr.opaque(mi.UInt32, self.max_iter), options,
             )  # fmt: skip
-            mirror = (texels, window.view)
-            return vertexwise.Solved(images, end, report, drawing, mirror, counters={"texel_reads": reads})
+            picture = virtual.Picture(texels, window.view)
+            return vertexwise.Solved(images, end, report, drawing, picture, counters={"texel_reads": reads})
 
         shown = vertexwise.shown(seen, frame, solve)
         reflection = Reflection(shown.L, shown.distance, shown.found, Vertices(**shown.report), shown.counters)

@@ -24,8 +24,6 @@ from benchharness.kernels import newton, optics, placement, search, vertexwise, 
 from benchharness.kernels.frozen import frozen
 from benchharness.scene import Scene
 
-WIDENING = 1.25  # of tan(fov / 2), of the mirror's picture that tells where vertices become hidden
-
 
 @dataclass
 class Ends:
@@ -83,16 +81,13 @@ class Newton(Method):
         drawing = virtual.Drawing(self.hidden)
 
         def solve(i: int, part: mi.UInt32) -> vertexwise.Solved:
-            picture = None
-            if self.hidden == "cut":
-                window = search.window(frame.view, frame.boxes[i], WIDENING)
-                picture = (search.render(frame.proxies[i], frame.poses, part, window.view), window.view)
+            pose = placement.pose_of(frame.poses, part)
             images, end, report = _solve(
-                seen.points, shown_parts, state.mirrors[i], frame.poses, part, frame.view,
+                seen.world.points, shown_parts, state.mirrors[i], pose, part, frame.view,
                 state.view if warm else frame.view, state.ends[i] if warm else Ends.cold(count), count,
                 dr.opaque(mi.UInt32, self.max_iter),
             )  # fmt: skip
-            return vertexwise.Solved(images, end, report, drawing, picture)
+            return vertexwise.Solved(images, end, report, drawing, newton.Shadow(state.mirrors[i], pose))
 
         shown = vertexwise.shown(seen, frame, solve)
         reflection = Reflection(shown.L, shown.distance, shown.found, Vertices(**shown.report), shown.counters)
@@ -100,13 +95,14 @@ class Newton(Method):
 
 
 @frozen
-def _solve(points, shown_parts, mesh: newton.Mesh, poses, part, view: View, last_view: View, last: Ends, count: int, max_iter):
+def _solve(
+    points, shown_parts, mesh: newton.Mesh, pose: list, part, view: View, last_view: View, last: Ends, count: int, max_iter
+):
     """Virtual vertices, where the walks ended, and what is reported of each vertex."""
     lane = dr.arange(mi.UInt32, count)
     V = dr.gather(mi.Vector4f, points, lane)
     active = (mi.UInt32(V.w) != part) & (mi.UInt32(V.w) < shown_parts)
     V = mi.Point3f(V.x, V.y, V.z)
-    pose = placement.pose_of(poses, part)
     where = placement.place(pose, V, view)
 
     # The mirror between eye and vertex hides it for certain if it is convex.

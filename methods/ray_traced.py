@@ -10,7 +10,7 @@ hierarchy whenever something moved.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import drjit as dr
@@ -18,7 +18,7 @@ import mitsuba as mi
 import numpy as np
 
 from benchharness.api import Frame, Method, Reflection
-from benchharness.kernels import geometry, optics, raster
+from benchharness.kernels import geometry, optics
 from benchharness.scene import Scene
 
 RAY_EPSILON = 1e-4  # start of the ray above the surface, relative to the size of its coordinates
@@ -26,10 +26,11 @@ RAY_EPSILON = 1e-4  # start of the ray above the surface, relative to the size o
 
 @dataclass
 class State:
-    """The scene's triangles as one Mitsuba mesh in a hierarchy, and their radiance for the hits."""
+    """The scene's triangles as one Mitsuba mesh in a hierarchy, and in object and world space for what is hit."""
 
     scene: Any
     geometry: geometry.Geometry
+    world: geometry.Geometry
     background: mi.Color3f
 
 
@@ -38,25 +39,23 @@ class RayTraced(Method):
     paper: ClassVar[str] = "Embree (Wald et al. 2014)"
 
     def prepare(self, scene: Scene) -> State:
-        lit = [(o.mesh.vertices, o.mesh.radiance, o.mesh.faces) for o in scene.objects]
-        black = [(r.mesh.vertices, np.zeros_like(r.mesh.vertices), r.mesh.faces) for r in scene.reflectors]
-        triangles = geometry.upload(lit + black)
+        triangles = geometry.of_scene(scene)
         mesh = mi.Mesh("triangles", triangles.vertex_count, triangles.face_count)
         params = mi.traverse(mesh)
         params["faces"] = _triples(triangles.faces, triangles.face_count)
-        poses = mi.Float(scene.poses(0.0).astype(np.float32).ravel())
-        params["vertex_positions"] = _triples(_world(triangles, poses), triangles.vertex_count)
+        world = geometry.placed(triangles, mi.Float(scene.poses(0.0).astype(np.float32).ravel()))
+        params["vertex_positions"] = _triples(world.points, triangles.vertex_count)
         params.update()
         background = mi.Color3f(scene.background)
         dr.make_opaque(background)
-        return State(mi.load_dict({"type": "scene", "triangles": mesh}), triangles, background)
+        return State(mi.load_dict({"type": "scene", "triangles": mesh}), triangles, world, background)
 
     def update(self, state: State, frame: Frame) -> State:
         params = mi.traverse(state.scene)
-        world = _world(state.geometry, frame.poses)
-        params["triangles.vertex_positions"] = _triples(world, state.geometry.vertex_count)
+        world = geometry.placed(state.geometry, frame.poses)
+        params["triangles.vertex_positions"] = _triples(world.points, world.vertex_count)
         params.update()
-        return state
+        return replace(state, world=world)
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         lane = frame.pixels
@@ -69,14 +68,10 @@ class RayTraced(Method):
         found = hit.is_valid()
         face = dr.gather(mi.Vector4u, state.geometry.faces, hit.prim_index, found)
         u, w = hit.prim_uv.x, hit.prim_uv.y
-        value = raster.interpolate(state.geometry.attributes, face, mi.Vector3f(1 - u - w, u, w), found)
-        L = dr.select(found, mi.Color3f(value.x, value.y, value.z), state.background)
+        L = geometry.radiance(state.world, face, mi.Vector3f(1 - u - w, u, w), p, found)
+        L = dr.select(found, L, state.background)
         distance = dr.select(found, hit.t + RAY_EPSILON, dr.inf)
         return _spread(L, distance, lane, frame), state
-
-
-def _world(triangles: geometry.Geometry, poses: mi.Float) -> mi.Float:
-    return geometry.posed(triangles.points, triangles.vertex_count, poses)
 
 
 def _triples(packed, count: int):

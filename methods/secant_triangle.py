@@ -39,7 +39,7 @@ from benchharness.kernels import newton, optics, placement, search, secant, star
 from benchharness.kernels.frozen import frozen
 from benchharness.scene import Reflector, Scene
 
-WIDENING = 1.25  # of tan(fov / 2), of the mirror's picture that tells where vertices become hidden
+WIDENING = 1.25  # of tan(fov / 2), of the mirror's picture whose planes "emdt_mirror" mirrors in
 REFUSAL_RESOLUTION = 32  # texels; enough to see that a mirror is not star-shaped
 FARTHEST = 4.0  # scene diagonals: longest distance that "screen_linear" tells apart
 
@@ -155,19 +155,21 @@ class SecantTriangle(Method):
 
         def solve(i: int, part: mi.UInt32) -> vertexwise.Solved:
             mirror, picture, back = state.mirrors[i], None, None
-            if self.hidden in ("cut", "emdt_mirror"):
+            pose = placement.pose_of(frame.poses, part)
+            if self.hidden == "emdt_mirror":
                 window = search.window(frame.view, frame.boxes[i], WIDENING)
                 picture = (search.render(frame.proxies[i], frame.poses, part, window.view), window.view)
             behind = self.self_occlusion and not mirror.mesh.convex
             if behind:
                 back = virtual.nearest_back(frame.proxies[i], frame.poses, part, frame.view)
             images, end, report, backtracks = _solve(
-                seen.points, shown_parts, mirror, picture, frame.poses, part, frame.view,
+                seen.world.points, shown_parts, mirror, picture, pose, part, frame.view,
                 state.view if warm else frame.view, state.ends[i] if warm else Ends.cold(count), count, state.d_max, tau,
                 max_iter, options,
             )  # fmt: skip
             drawing = virtual.Drawing(policy, self.depth, behind)
-            return vertexwise.Solved(images, end, report, drawing, picture, back, {"backtracks": backtracks})
+            hider = newton.Shadow(mirror.mesh, pose)
+            return vertexwise.Solved(images, end, report, drawing, hider, back, {"backtracks": backtracks})
 
         shown = vertexwise.shown(seen, frame, solve)
         reflection = Reflection(shown.L, shown.distance, shown.found, Vertices(**shown.report), shown.counters)
@@ -188,8 +190,8 @@ def _star(reflector: Reflector, resolution: int):
 
 @frozen
 def _solve(
-    points, shown_parts, mirror: Mirror, picture, poses, part, view: View, last_view: View, last: Ends, count: int, d_max, tau,
-    max_iter, options: Options,
+    points, shown_parts, mirror: Mirror, picture, pose: list, part, view: View, last_view: View, last: Ends, count: int, d_max,
+    tau, max_iter, options: Options,
 ):  # fmt: skip
     """Virtual vertices, where the searches ended, what is reported of each vertex, and how often a sample came back."""
     star, mesh = mirror.star, mirror.mesh
@@ -197,7 +199,6 @@ def _solve(
     V = dr.gather(mi.Vector4f, points, lane)
     active = (mi.UInt32(V.w) != part) & (mi.UInt32(V.w) < shown_parts)
     V = mi.Point3f(V.x, V.y, V.z)
-    pose = placement.pose_of(poses, part)
     where = placement.place(pose, V, view)
 
     # The mirror between eye and vertex hides it for certain if it is convex.

@@ -122,7 +122,7 @@ def test_a_cached_result_is_identical_and_the_seed_counts(monkeypatch) -> None:
     room = scene(box((0, 0, 0), (1, 1, 1), inside=True, emission=(1, 1, 1)))
     first = baked(room, spp=16)
     other = baked(room, spp=16, seed=1)
-    monkeypatch.setattr(bake_module, "_radiance", lambda *_: pytest.fail("not cached"))
+    monkeypatch.setattr(bake_module, "_light", lambda *_: pytest.fail("not cached"))
     assert np.array_equal(baked(room, spp=16), first)
     assert not np.array_equal(other, first)
 

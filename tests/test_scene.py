@@ -8,7 +8,19 @@ import numpy as np
 import pytest
 import trimesh
 
-from benchharness.scene import Camera, Mesh, Object, Reflector, Scene, merged, refined, subdivided, vertex_normals
+from benchharness.scene import (
+    Camera,
+    Gloss,
+    Mesh,
+    Object,
+    PointLight,
+    Reflector,
+    Scene,
+    merged,
+    refined,
+    subdivided,
+    vertex_normals,
+)
 
 TRIANGLE = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
@@ -280,3 +292,42 @@ def test_poses_follow_the_motions_in_the_order_of_the_parts():
 
 def test_frames_are_a_25th_of_a_second_apart():
     assert scene().time(50) == 2.0
+
+
+def test_visibility_goes_where_radiance_goes():
+    mesh = Mesh(TRIANGLE, [[0, 1, 2]], visibility=np.array([[0, 1], [1, 1], [0, 0.5]]))
+    moved = mesh.transformed(np.diag([2.0, 2.0, 2.0, 1.0]))
+    assert moved.visibility is not None and np.array_equal(moved.visibility, mesh.visibility)
+    fine = subdivided(mesh, 0.8)
+    assert fine.visibility is not None
+    x = fine.vertices[:, 0]  # the first light's share is x at the corners, and so in between
+    np.testing.assert_allclose(fine.visibility[:, 0], x, atol=1e-12)
+    assert fine.visibility.shape == (len(x), 2)
+    both = merged(mesh, mesh).visibility
+    assert both is not None and both.shape == (6, 2)
+    assert merged(mesh, replace(mesh, visibility=None)).visibility is None
+    assert merged(mesh, replace(mesh, visibility=np.ones((3, 1)))).visibility is None
+
+
+@pytest.mark.parametrize(
+    ("build", "message"),
+    [
+        (lambda: PointLight((0, 0), (1, 1, 1)), r"point light: position is \(0, 0\); accepted: three finite numbers"),
+        (lambda: PointLight((0, 0, np.inf), (1, 1, 1)), "position is .*inf"),
+        (lambda: PointLight((0, 0, 0), (1, -1, 1)), "intensity is .* from 0"),
+        (lambda: Gloss((0, 0, 1.5), 10.0), "specular is .* from 0 to 1"),
+        (lambda: Gloss((0, 0, 1), 0.0), "gloss: exponent is 0.0; accepted: positive"),
+        (lambda: Gloss((0, 0, 1), np.nan), "exponent is nan"),
+        (lambda: scene(lights=(PointLight((0, 0, 0), (1, 1, 1)),) * 5), "5 lights; accepted: at most 4"),
+        (
+            lambda: Mesh(TRIANGLE, [[0, 1, 2]], visibility=np.ones((2, 1))),
+            r"visibility has shape \(2, 1\); accepted: \[3, 1 to 4",
+        ),
+        (lambda: Mesh(TRIANGLE, [[0, 1, 2]], visibility=np.ones((3, 5))), "visibility has shape"),
+        (lambda: Mesh(TRIANGLE, [[0, 1, 2]], visibility=np.full((3, 1), 1.1)), "within 0 and 1"),
+        (lambda: Mesh(TRIANGLE, [[0, 1, 2]], visibility=np.full((3, 1), np.nan)), "within 0 and 1"),
+    ],
+)
+def test_lights_that_make_no_sense_are_refused(build, message):
+    with pytest.raises(ValueError, match=message):
+        build()

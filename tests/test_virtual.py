@@ -48,9 +48,9 @@ def draw(made, moved, kind, at, cut: bool, whole: bool = False):
     window = search.window(frame.view, frame.boxes[0], 1.0)
     texels = search.render(frame.proxies[0], frame.poses, dr.opaque(mi.UInt32, 0), window.view)
     L, distance, covered = virtual.draw(
-        virtual.Images(mi.Float(packets.ravel()), mi.Float(points.ravel())), triangles.points, triangles, part, frame.view,
-        frame.p, frame.reflector, dr.opaque(mi.Int32, 0), (texels, window.view),
-        virtual.Drawing("cut" if cut else "keep"), None,
+        virtual.Images(mi.Float(packets.ravel()), mi.Float(points.ravel())), triangles, part, frame.view, frame.p,
+        frame.reflector, dr.opaque(mi.Int32, 0), virtual.Drawing("cut" if cut else "keep"),
+        virtual.Picture(texels, window.view),
     )  # fmt: skip
     return np.array(L).T, np.array(distance), np.array(covered), frame
 

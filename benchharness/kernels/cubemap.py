@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import raster
+from benchharness.kernels import geometry, raster
 
 
 @dataclass
@@ -61,20 +61,22 @@ def _window(face: int, n: int, centre: mi.Point3f, near: mi.Float) -> _Window:
     )
 
 
-def capture(points, attributes, faces, face_count: int, drawn, centre: mi.Point3f, n: int, near, background) -> mi.Float:
-    """The scene around `centre`: 4 floats per texel, [6, n + 2, n + 2]. `drawn`: Bool [face_count]."""
+def capture(triangles: geometry.Geometry, drawn, centre: mi.Point3f, n: int, near, background) -> mi.Float:
+    """The scene around `centre`, and as seen from there: 4 floats per texel, [6, n + 2, n + 2].
+
+    triangles  in world space
+    drawn      Bool [face_count]
+    """
     count = (n + 2) * (n + 2)
     texels = dr.empty(mi.Float, 4 * 6 * count)
     lane = dr.arange(mi.UInt32, count)
     for face in range(6):
         window = _window(face, n, centre, near)
-        visibility = raster.rasterize(points, faces, face_count, window, drawn=drawn)
-        hit, packet, weights, p = raster.seen(points, faces, visibility, window, lane)
-        value = raster.interpolate(attributes, packet, weights, hit)
+        visibility = raster.rasterize(triangles.points, triangles.faces, triangles.face_count, window, drawn=drawn)
+        hit, packet, weights, p = raster.seen(triangles.points, triangles.faces, visibility, window, lane)
+        L = geometry.radiance(triangles, packet, weights, centre, hit)
         inverse = dr.rcp(dr.norm(p - centre))
-        value = dr.select(
-            hit, mi.Vector4f(value.x, value.y, value.z, inverse), mi.Vector4f(background.x, background.y, background.z, 0)
-        )
+        value = dr.select(hit, mi.Vector4f(L.x, L.y, L.z, inverse), mi.Vector4f(background.x, background.y, background.z, 0))
         dr.scatter(texels, value, lane + face * count)
     return texels
 

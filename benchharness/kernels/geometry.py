@@ -3,14 +3,15 @@
     points      4 floats per vertex: x, y, z, number of the part (as a float, exact below 2^24)
     attributes  4 floats per vertex: radiance of what is lit, unit normal of what reflects; the last is free
     faces       4 integers per triangle: three vertices, number of the part (and raster.CLOSED, see `part_of`)
+    shine       what highlights need beside (`kernels.lighting`), None for a scene without: then nothing of it is compiled
 
-One vertex or one triangle is one packet load of 16 bytes.
+One vertex or one triangle is one packet load of 16 bytes. `upload` and `of_scene` give object space, `placed` world space.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
@@ -18,7 +19,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from benchharness.kernels import raster
+from benchharness.kernels import lighting, raster
 
 
 @dataclass
@@ -28,9 +29,17 @@ class Geometry:
     faces: mi.UInt32
     vertex_count: int
     face_count: int
+    shine: lighting.Shine | None = None
 
 
-def upload(meshes: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> Geometry:
+def of_scene(scene) -> Geometry:
+    """All parts of a `benchharness.scene.Scene` that was baked: objects with their light, mirrors black."""
+    lit = [(o.mesh.vertices, o.mesh.radiance, o.mesh.faces) for o in scene.objects]
+    black = [(r.mesh.vertices, np.zeros_like(r.mesh.vertices), r.mesh.faces) for r in scene.reflectors]
+    return upload(lit + black, lighting.shine_of(scene))
+
+
+def upload(meshes: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], shine: lighting.Shine | None = None) -> Geometry:
     """One Geometry out of parts (vertices [V, 3], attributes [V, 3], faces [F, 3]), numbered in their order."""
     points, attributes, faces, start = [], [], [], 0
     for part, (v, a, f) in enumerate(meshes):
@@ -46,6 +55,7 @@ def upload(meshes: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> Geome
         mi.UInt32(packed_faces.ravel()),
         start,
         len(packed_faces),
+        shine,
     )
 
 
@@ -74,6 +84,27 @@ def closed_faces(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     torn = np.zeros(piece.max() + 1, bool)
     torn[piece[edges[~sound, 0]]] = True
     return ~torn[piece[f[:, 0]]]
+
+
+def radiance(triangles: Geometry, face: mi.Vector4u, weights: mi.Vector3f, viewer: mi.Point3f, active) -> mi.Color3f:
+    """What leaves triangles at the points `weights` towards `viewer`: baked light, and the highlights seen from there.
+
+    viewer   the eye for what is seen directly, the reflection point for what a mirror shows; world space
+    triangles  in world space if they have any shine; `raster.interpolate` says what face and weights are
+    """
+    value = raster.interpolate(triangles.attributes, face, weights, active)
+    L = mi.Color3f(value.x, value.y, value.z)
+    if triangles.shine is None:
+        return L
+    return L + lighting.seen_from(viewer, triangles.shine, triangles.points, part_of(face), face, weights, active)
+
+
+def placed(triangles: Geometry, poses: mi.Float) -> Geometry:
+    """Triangles in object space -> in world space: points, and the normals that highlights need. `poses` as in `posed`."""
+    shine, count = triangles.shine, triangles.vertex_count
+    if shine is not None:
+        shine = replace(shine, normals=turned(triangles.points, shine.normals, count, poses))
+    return replace(triangles, points=posed(triangles.points, count, poses), shine=shine)
 
 
 def posed(points: mi.Float, vertex_count: int, poses: mi.Float) -> mi.Float:

@@ -22,13 +22,14 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from benchharness.kernels.placement import Place, unit
+from benchharness.kernels.placement import Place, place, unit
 
 CANDIDATES = 192  # points of the mesh that a cold search chooses its start from
 LONGEST = 0.25  # of the mirror's size; a step that would be longer is cut
 LEAST_DAMPING = 1 / 64
 TOLERANCE = 0.004  # pixels; a search whose next step would be shorter has arrived
 TRUSTED = 0.25  # pixels; longest next step of an answer that calls itself converged
+TOUCHING = 1e-4  # of the mirror's size; what lies less deep than this behind the surface is on it
 NEAREST = 1e-5  # of the mirror's size; a vertex nearer to the mirror than this touches it
 
 
@@ -259,5 +260,24 @@ def shadowed(mirror: Mesh, where: Place, active) -> mi.Bool:
     d = where.V - where.eye
     length = dr.norm(d)
     ray = mi.Ray3f(where.eye, d * dr.rcp(dr.maximum(length, 1e-20)))
-    ray.maxt = length - 1e-4 * mirror.size
+    ray.maxt = length - TOUCHING * mirror.size
     return mirror.scene.ray_test(ray, coherent=True, active=active)
+
+
+@dataclass
+class Shadow:
+    """A mirror's mesh and pose, asked whether the mirror hides a point."""
+
+    mesh: Mesh
+    pose: list[mi.Vector4f]
+
+    def hides(self, x: mi.Point3f, view, active) -> tuple[mi.Bool, mi.Float]:
+        """Whether the mirror stands between the eye and x (world space), and its depth there; x on it is not hidden."""
+        where = place(self.pose, x, view)
+        d = where.V - where.eye
+        length = dr.norm(d)
+        ray = mi.Ray3f(where.eye, d * dr.rcp(dr.maximum(length, 1e-20)))
+        ray.maxt = length - TOUCHING * self.mesh.size
+        hit = self.mesh.scene.ray_intersect_preliminary(ray, coherent=True, active=active)
+        depth = dr.dot(view.w, mi.Vector4f(x.x, x.y, x.z, 1)) * hit.t * dr.rcp(dr.maximum(length, 1e-20))
+        return hit.is_valid(), depth

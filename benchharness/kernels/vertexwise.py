@@ -12,7 +12,6 @@ from typing import Any
 
 import drjit as dr
 import mitsuba as mi
-import numpy as np
 
 from benchharness.kernels import geometry, virtual
 
@@ -24,13 +23,13 @@ class Scenery:
     """What is reflected.
 
     triangles     the scene in object space; attributes: radiance, black for reflectors
-    points        the scene in world space
+    world         the scene in world space
     surroundings  radiance at infinity, None for a scene without
     objects       how many parts are objects; reflectors come after them
     """
 
     triangles: geometry.Geometry
-    points: mi.Float
+    world: geometry.Geometry
     surroundings: mi.Color3f | None
     objects: int
 
@@ -45,7 +44,7 @@ class Solved:
 
     end       what the next frame starts from
     report    the fields of `benchharness.api.Vertices`
-    drawing   how to draw them; `mirror` and `back` as `kernels.virtual.draw` takes them
+    drawing   how to draw them; `hider` and `back` as `kernels.virtual.draw` takes them
     counters  further work, integers per vertex
     """
 
@@ -53,23 +52,21 @@ class Solved:
     end: Any
     report: dict[str, Any]
     drawing: virtual.Drawing
-    mirror: Any = None
+    hider: Any = None
     back: mi.Float | None = None
     counters: dict[str, mi.UInt32] = field(default_factory=dict)
 
 
 def scenery(scene) -> Scenery:
     """What a `benchharness.scene.Scene` shows, uploaded."""
-    lit = [(o.mesh.vertices, o.mesh.radiance, o.mesh.faces) for o in scene.objects]
-    black = [(r.mesh.vertices, np.zeros_like(r.mesh.vertices), r.mesh.faces) for r in scene.reflectors]
-    triangles = geometry.upload(lit + black)
+    triangles = geometry.of_scene(scene)
     surroundings = mi.Color3f(scene.background) if max(scene.background) > 0 else None
-    return Scenery(triangles, triangles.points, surroundings, len(lit))
+    return Scenery(triangles, triangles, surroundings, len(scene.objects))
 
 
 def posed(seen: Scenery, frame) -> Scenery:
     """With every part where it is in this frame."""
-    return replace(seen, points=geometry.posed(seen.triangles.points, seen.triangles.vertex_count, frame.poses))
+    return replace(seen, world=geometry.placed(seen.triangles, frame.poses))
 
 
 @dataclass
@@ -93,8 +90,8 @@ def shown(seen: Scenery, frame, solve: Callable[[int, mi.UInt32], Solved]) -> Sh
         part = dr.opaque(mi.UInt32, seen.objects + i)
         one = solve(i, part)
         own, length, covered = virtual.draw(
-            one.images, seen.points, seen.triangles, part, frame.view, frame.p, frame.reflector, dr.opaque(mi.Int32, i),
-            one.mirror, one.drawing, one.back,
+            one.images, seen.world, part, frame.view, frame.p, frame.reflector, dr.opaque(mi.Int32, i), one.drawing,
+            one.hider, one.back,
         )  # fmt: skip
         L, distance, found = (own, length, covered) if i == 0 else (L + own, distance + length, found | covered)
         solved.append(one)

@@ -14,7 +14,8 @@ too, whose vertices lie on the same rays of the eye at depth 1 / (1 - d_V / d_ma
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -60,28 +61,38 @@ def sorted_by_length(R: mi.Point3f, d_V: mi.Float, d_max: mi.Float, view) -> mi.
     return mi.Point3f(view.eye + depth * direction)
 
 
+@dataclass
+class Picture:
+    """A mirror's texture (`kernels.search`), asked whether the mirror hides a point."""
+
+    texels: mi.Float
+    view: Any
+
+    def hides(self, x: mi.Point3f, view, active) -> tuple[mi.Bool, mi.Float]:
+        """Whether the mirror stands between the eye and x, and its depth there. `view` is the frame's, not the texture's."""
+        column, row, seen = search.texel_of(self.view, x)
+        surface = dr.gather(mi.Vector4f, self.texels, mi.UInt32(row * self.view.width + column), seen & active).x
+        return seen & (surface > 0) & (dr.dot(view.w, mi.Vector4f(x.x, x.y, x.z, 1)) > surface), surface
+
+
 def draw(
-    images: Images, points, triangles: geometry.Geometry, part, view, p: mi.Point3f, reflector, layer, mirror,
-    drawing: Drawing, back,
+    images: Images, triangles: geometry.Geometry, part, view, p: mi.Point3f, reflector, layer, drawing: Drawing, hider=None,
+    back: mi.Float | None = None,
 ):  # fmt: skip
     """What one mirror shows: radiance, length of the reflected ray, coverage, one lane per pixel; 0 where it is not seen.
 
-    points            the scene's own vertices in world space
+    triangles         the scene in world space; from `geometry.placed`, so that highlights are those that each pixel's `p` sees
     part              number of the mirror's part, which does not show itself
     p                 the mirror's point at each pixel
     reflector, layer  number of the mirror at each pixel; this mirror's
-    mirror            (texels, view) of `kernels.search`: what hides a point; None if nothing is cut
-    back              1 / depth of the mirror's nearest back at each pixel, 0 for none (`nearest_back`); None if not asked for
+    hider             what is asked whether the mirror hides a point, such as `Picture`; needed for "cut"
+    back              1 / depth of the mirror's nearest back at each pixel, 0 for none (`nearest_back`); needed for `behind`
     """
-    packets, radiance, faces, drawn, limit, inverse = _assembled(
-        images, points, triangles, part, view, p, reflector, layer, mirror, drawing
-    )
+    packets, shown, drawn, limit, inverse = _assembled(images, triangles, part, view, p, reflector, layer, hider, drawing)
     least = None if inverse is None else (inverse, back)
-    slots = 2 if drawing.hidden == "cut" else 1
-    visibility = raster.rasterize(packets, faces, slots * triangles.face_count, view, limit=limit, least=least, drawn=drawn)
-    if drawing.depth == "screen_linear":
-        return _shown_from_mirror(images.at, points, radiance, faces, visibility, view, p, reflector, layer)
-    return _shown(packets, radiance, faces, visibility, view, p, reflector, layer)
+    visibility = raster.rasterize(packets, shown.faces, shown.face_count, view, limit=limit, least=least, drawn=drawn)
+    spans = images.at if drawing.depth == "screen_linear" else packets
+    return _shown(packets, spans, shown, visibility, view, p, reflector, layer, drawing.depth)
 
 
 def nearest_back(surface, poses: mi.Float, part: mi.UInt32, view) -> mi.Float:
@@ -108,44 +119,27 @@ def _inverse_depth(points, faces, visibility, view):
 
 @frozen
 @dr.syntax
-def _shown_from_mirror(at, points, radiance, faces, visibility, view, p: mi.Point3f, reflector, layer):
-    """`_shown` with triangles that span reflection points: what they carry is interpolated as seen there."""
+def _shown(packets, spans, triangles: geometry.Geometry, visibility, view, p: mi.Point3f, reflector, layer, depth: str):
+    """`spans`: the points that triangles lie between, in whose plane what they carry is interpolated."""
     pixel = dr.arange(mi.UInt32, view.width * view.height)
     own = reflector == layer
     triangle = raster.winner_at(visibility, view, pixel, own)
     hit = own & (triangle != raster.NONE)
     L, distance = mi.Color3f(0), mi.Float(0)
     if hit:
-        face, weights, _ = raster.met(at, faces, triangle, view, pixel)
-        value = raster.interpolate(radiance, face, weights, mi.Bool(True))
-        L = mi.Color3f(value.x, value.y, value.z)
-        V = raster.interpolate(points, face, weights, mi.Bool(True)).xyz
-        distance = dr.norm(V - p)
+        face, weights, q = raster.met(spans, triangles.faces, triangle, view, pixel)
+        L = geometry.radiance(triangles, face, weights, p, mi.Bool(True))
+        if dr.hint(depth == "screen_linear", mode="scalar"):
+            distance = dr.norm(raster.interpolate(triangles.points, face, weights, mi.Bool(True)).xyz - p)
+        else:
+            distance = dr.maximum(dr.norm(q - view.eye) - dr.norm(p - view.eye), 0)
     return L, distance, hit
 
 
 @frozen
-@dr.syntax
-def _shown(packets, radiance, faces, visibility, view, p: mi.Point3f, reflector, layer):
-    pixel = dr.arange(mi.UInt32, view.width * view.height)
-    own = reflector == layer
-    triangle = raster.winner_at(visibility, view, pixel, own)
-    hit = own & (triangle != raster.NONE)
-    L, distance = mi.Color3f(0), mi.Float(0)
-    if hit:
-        face, weights, q = raster.met(packets, faces, triangle, view, pixel)
-        value = raster.interpolate(radiance, face, weights, mi.Bool(True))
-        L = mi.Color3f(value.x, value.y, value.z)
-        distance = dr.maximum(dr.norm(q - view.eye) - dr.norm(p - view.eye), 0)
-    return L, distance, hit
-
-
-@frozen
-def _assembled(
-    images: Images, points, triangles: geometry.Geometry, part, view, p, reflector, layer, mirror, drawing: Drawing
-):  # fmt: skip
-    """Vertices, their radiance, triangles, which of them to draw, how near a pixel lets them come, and, where what is behind
-    is left out, 1 / depth of the vertices' reflection points.
+def _assembled(images: Images, triangles: geometry.Geometry, part, view, p, reflector, layer, hider, drawing: Drawing):
+    """Virtual vertices, the triangles with what they are images of, which to draw, how near a pixel lets them come, and, where
+    what is behind is left out, 1 / depth of the vertices' reflection points.
 
     With "cut", two slots per triangle: one may become two. The vertices of the scene come first, then two per triangle f,
     number f and f + face_count of the rest: where it was cut.
@@ -156,44 +150,53 @@ def _assembled(
     kinds = [mi.UInt32(q.w) for q in corner]
     shown = (geometry.part_of(face) != part) & (kinds[0] != NONE) & (kinds[1] != NONE) & (kinds[2] != NONE)
     shown &= (kinds[0] == REFLECTED) | (kinds[1] == REFLECTED) | (kinds[2] == REFLECTED)
-    shown &= _turned_to_mirror(points, images.at, face, kinds)
+    shown &= _turned_to_mirror(triangles.points, images.at, face, kinds)
     whole = (kinds[0] == REFLECTED) & (kinds[1] == REFLECTED) & (kinds[2] == REFLECTED)
     # A triangle that reaches behind the eye has no image.
     near = [(q.w != REFLECTED) | (dr.dot(view.w, mi.Vector4f(q.x, q.y, q.z, 1)) > view.near) for q in corner]
     shown &= near[0] & near[1] & near[2]
     if drawing.hidden == "drop":
         shown &= whole
-    packets, radiance, faces, drawn = images.moved, triangles.attributes, triangles.faces, shown
     inverse = None
     if drawing.behind:
         R = dr.gather(mi.Vector4f, images.at, dr.arange(mi.UInt32, vertex_count))
         inverse = dr.rcp(dr.maximum(dr.dot(view.w, mi.Vector4f(R.x, R.y, R.z, 1)), 1e-12))
-    if drawing.hidden == "cut":
-        # Turn the triangle so that its first vertex is reflected and its last is hidden. A reflected pair keeps a
-        # quadrilateral, i0 i1 two one; a single vertex a triangle, i0 one two.
-        mixed = shown & ~whole
-        turn = dr.select(
-            (kinds[0] == REFLECTED) & (kinds[2] == HIDDEN), 0, dr.select((kinds[1] == REFLECTED) & (kinds[0] == HIDDEN), 1, 2)
-        )
-        i, k = _turned(face, turn), _turned(kinds, turn)
-        pair = k[1] == REFLECTED
-        one = _cut(points, triangles, i[0], dr.select(pair, i[2], i[1]), mirror, mixed)
-        two = _cut(points, triangles, dr.select(pair, i[1], i[0]), i[2], mirror, mixed)
-        first = mi.Vector4u(i[0], dr.select(pair, i[1], vertex_count + f), vertex_count + count + f, face.w)
-        second = mi.Vector4u(i[0], vertex_count + count + f, vertex_count + f, face.w)
-        parts = [_packed(value, f, count) for value in (*one[:2], *two[:2], dr.select(mixed, first, face), second)]
-        extra = mixed & pair
-        on_mirror = [one[2], two[2]] if drawing.behind else []
-        dr.eval(parts, on_mirror, shown, extra)  # one kernel, before the parts are put together
-        if drawing.behind:
-            inverse = dr.concat([inverse, *on_mirror])
-        packets = dr.concat([packets, parts[0], parts[2]])
-        radiance = dr.concat([radiance, parts[1], parts[3]])
-        faces, drawn = dr.concat([parts[4], parts[5]]), dr.concat([shown, extra])
     nearest = dr.rcp(dr.dot(view.w, mi.Vector4f(p.x, p.y, p.z, 1)) * (1 - CONTACT))
-    if drawing.depth == "screen_linear":
-        nearest = mi.Float(dr.inf)
-    return packets, radiance, faces, drawn, dr.select(reflector == layer, nearest, 0), inverse
+    limit = dr.select(reflector == layer, mi.Float(dr.inf) if drawing.depth == "screen_linear" else nearest, 0)
+    if drawing.hidden != "cut":
+        return images.moved, triangles, shown, limit, inverse
+
+    # Turn the triangle so that its first vertex is reflected and its last is hidden. A reflected pair keeps a
+    # quadrilateral, i0 i1 two one; a single vertex a triangle, i0 one two.
+    mixed = shown & ~whole
+    turn = dr.select(
+        (kinds[0] == REFLECTED) & (kinds[2] == HIDDEN), 0, dr.select((kinds[1] == REFLECTED) & (kinds[0] == HIDDEN), 1, 2)
+    )
+    i, k = _turned(face, turn), _turned(kinds, turn)
+    pair = k[1] == REFLECTED
+    shine = triangles.shine
+    carried = [triangles.attributes]
+    if shine is not None:
+        carried += [triangles.points, shine.normals, shine.visibility]
+    one, one_depth = _cut(triangles.points, carried, i[0], dr.select(pair, i[2], i[1]), hider, view, mixed)
+    two, two_depth = _cut(triangles.points, carried, dr.select(pair, i[1], i[0]), i[2], hider, view, mixed)
+    first = mi.Vector4u(i[0], dr.select(pair, i[1], vertex_count + f), vertex_count + count + f, face.w)
+    second = mi.Vector4u(i[0], vertex_count + count + f, vertex_count + f, face.w)
+    slots = [_packed(value, f, count) for value in (dr.select(mixed, first, face), second)]
+    ends = [[_packed(value, f, count) for value in end] for end in (one, two)]
+    on_mirror = [dr.rcp(one_depth), dr.rcp(two_depth)] if drawing.behind else []
+    extra = mixed & pair
+    dr.eval(slots, ends, on_mirror, shown, extra)  # one kernel, before the parts are put together
+    all_ = [images.moved, *carried]
+    packets, *carried = (dr.concat([mine, *others]) for mine, *others in zip(all_, *ends, strict=True))
+    faces, drawn = dr.concat(slots), dr.concat([shown, extra])
+    if drawing.behind:
+        inverse = dr.concat([inverse, *on_mirror])
+    points = triangles.points
+    if shine is not None:
+        points, shine = carried[1], replace(shine, normals=carried[2], visibility=carried[3])
+    lit = geometry.Geometry(points, carried[0], faces, vertex_count + 2 * count, 2 * count, shine)
+    return packets, lit, drawn, limit, inverse
 
 
 def _packed(value, lane: mi.UInt32, count: int):
@@ -209,26 +212,23 @@ def _turned(values, turn: mi.UInt32 | mi.Int32) -> list:
 
 
 @dr.syntax
-def _cut(points, triangles, inner, outer, mirror, active):
-    """Where the edge inner -> outer enters the hidden region, just behind the border: packets of position and radiance, and
-    1 / depth of the mirror there."""
-    texels, view = mirror
+def _cut(points, carried: list, inner, outer, hider, view, active):
+    """Where the edge inner -> outer enters the hidden region, just behind the border: packets of position and of `carried`,
+    and the depth of the mirror there."""
     a, b = dr.gather(mi.Vector4f, points, inner, active), dr.gather(mi.Vector4f, points, outer, active)
     low, high = mi.Float(0), mi.Float(1)
     step, met = mi.UInt32(0), mi.Float(0)
     while dr.hint(active & (step < HALVINGS), label="find where an edge enters the hidden region"):
         middle = 0.5 * (low + high)
         x = dr.lerp(a, b, middle)
-        column, row, seen = search.texel_of(view, mi.Point3f(x.x, x.y, x.z))
-        surface = dr.gather(mi.Vector4f, texels, mi.UInt32(row * view.width + column), seen).x
-        behind = seen & (surface > 0) & (dr.dot(view.w, mi.Vector4f(x.x, x.y, x.z, 1)) > surface)
+        behind, surface = hider.hides(mi.Point3f(x.x, x.y, x.z), view, active)
         low, high = dr.select(behind, low, middle), dr.select(behind, middle, high)
         met = dr.select(behind, surface, met)
         step += 1
     x = dr.lerp(a, b, high)
-    light = [dr.gather(mi.Vector4f, triangles.attributes, i, active) for i in (inner, outer)]
     depth = dr.select(met > 0, met, dr.dot(view.w, mi.Vector4f(x.x, x.y, x.z, 1)))
-    return mi.Vector4f(x.x, x.y, x.z, HIDDEN), dr.lerp(light[0], light[1], high), dr.rcp(depth)
+    there = [dr.lerp(*(dr.gather(mi.Vector4f, packets, i, active) for i in (inner, outer)), high) for packets in carried]
+    return [mi.Vector4f(x.x, x.y, x.z, HIDDEN), *there], depth
 
 
 def _turned_to_mirror(points, at, face, kinds) -> mi.Bool:

@@ -85,11 +85,11 @@ def _picture(stage: Stage, reflection: Reflection) -> np.ndarray:
             vertexwise.packets(dr.gather(mi.Point3f, vertices.R, there), mi.Float(0), lane, count),
         )
         steps = mi.Float(dr.gather(mi.UInt32, vertices.iterations, there))
-        triangles = replace(seen.triangles, attributes=vertexwise.packets(mi.Point3f(steps), mi.Float(0), lane, count))
+        light = vertexwise.packets(mi.Point3f(steps), mi.Float(0), lane, count)
         part = dr.opaque(mi.UInt32, seen.objects + i)
         shown, _, hit = virtual.draw(
-            images, seen.points, triangles, part, frame.view, frame.p, frame.reflector, dr.opaque(mi.Int32, i), None,
-            virtual.Drawing("drop"), None,
+            images, replace(seen.world, attributes=light, shine=None), part, frame.view, frame.p, frame.reflector,
+            dr.opaque(mi.Int32, i), virtual.Drawing("drop"),
         )  # fmt: skip
         total, covered = total + shown.x, covered | hit
     return np.where(np.array(covered), np.array(total), np.nan).reshape(stage.size[1], stage.size[0])
