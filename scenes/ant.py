@@ -24,9 +24,9 @@ from scenes.shapes import Colour, placed, pose
 DetailName = Literal["lean", "paper"]
 EYES = 8
 
-TUNGSTEN_ETA = (4.371, 3.300, 2.998)
-TUNGSTEN_K = (3.501, 2.605, 2.273)
-"""Complex index of refraction of tungsten for red, green and blue (Palik 1998, as used in Mitsuba's `W`): dark, warm."""
+BRONZE_ETA = (2.866, 2.119, 1.940)
+BRONZE_K = (3.032, 2.056, 1.616)
+"""Complex index of refraction of vanadium nitride for red, green and blue (as used in Mitsuba's `VN`): a dark bronze."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,6 @@ class Detail:
 
     ants   vertices around their parts
     can    vertices around a can
-    cloth  quads along a check of the cloth
     far    vertices around meadow and hills
     rings  vertices of the meadow from cloth to hills
     h_max  longest edge that is drawn, metres
@@ -43,15 +42,14 @@ class Detail:
 
     ants: Fineness
     can: int
-    cloth: int
     far: int
     rings: int
     h_max: float
 
 
 DETAILS: dict[str, Detail] = {
-    "lean": Detail(Fineness(body=12, leg=5, head=14, head_rings=10, eye=24, eye_rings=17), 16, 1, 24, 5, 0.2),
-    "paper": Detail(Fineness(body=18, leg=8, head=20, head_rings=14, eye=28, eye_rings=19), 32, 1, 36, 6, 0.12),
+    "lean": Detail(Fineness(body=12, leg=5, antenna=11, head=14, head_rings=10, eye=24, eye_rings=17), 12, 16, 4, 0.2),
+    "paper": Detail(Fineness(body=16, leg=6, antenna=14, head=18, head_rings=12, eye=26, eye_rings=17), 32, 28, 5, 0.09),
 }
 
 COUNCIL = np.array([0.0, -0.50, 0.0])
@@ -72,10 +70,10 @@ class Place:
 
 
 PLACES = (
-    Place("rust", 148.0, 0.43, 0.0, (0.46, 0.13, 0.05), (8.0, 2.0)),
-    Place("chestnut", 108.0, 0.56, 0.10, (0.30, 0.10, 0.045), (-6.0, -8.0)),
-    Place("black", 70.0, 0.49, 0.0, (0.11, 0.065, 0.05), (10.0, 6.0)),
-    Place("amber", 30.0, 0.44, 0.0, (0.58, 0.23, 0.06), (-12.0, 0.0)),
+    Place("rust", 144.0, 0.41, 0.0, (0.46, 0.13, 0.05), (10.0, 2.0)),
+    Place("chestnut", 108.0, 0.58, 0.10, (0.28, 0.10, 0.05), (-4.0, -8.0)),
+    Place("black", 71.0, 0.48, 0.0, (0.11, 0.065, 0.05), (6.0, 6.0)),
+    Place("amber", 35.0, 0.42, 0.0, (0.56, 0.24, 0.07), (-14.0, 3.0)),
 )
 NODS, WAVES = ("rust", "black"), "amber"
 """Whose heads nod, and whose antennae wave, if things move."""
@@ -98,12 +96,12 @@ def ant(detail: DetailName = "lean", eyes: int = EYES, moving: bool = True) -> S
         raise ValueError(f"ant: moving is {moving!r}; accepted: true or false")
     d = DETAILS[detail]
     objects: list[Object] = [
-        picnic.cloth(d.cloth),
+        picnic.cloth(),
         picnic.meadow(d.far, d.rings),
-        picnic.hills(2 * d.far),
-        picnic.clouds(d.can // 2),
-        picnic.sun(16, (42.0, 38.0, 32.0)),
-        Object("sugar", placed(picnic.sugar(), (COUNCIL[0] + 0.02, COUNCIL[1] + 0.06, 0)),
+        picnic.hills(d.far + d.far // 2),
+        picnic.clouds(max(6, d.can // 4)),
+        picnic.sun(16, (48.0, 42.0, 34.0)),
+        Object("sugar", placed(picnic.sugar(), (COUNCIL[0] + 0.02, COUNCIL[1] + 0.09, 0)),
                "white lumps in front of all ants: straight edges that each eye bends in its own way"),
         *_cans(d.can, moving),
     ]  # fmt: skip
@@ -114,7 +112,7 @@ def ant(detail: DetailName = "lean", eyes: int = EYES, moving: bool = True) -> S
         for side, (mesh, motion) in zip(("left", "right"), pair, strict=True):
             name = f"{place.name}-eye-{side}"
             if len(mirrors) < eyes:
-                mirrors.append(Reflector(name, mesh, None, TUNGSTEN_ETA, TUNGSTEN_K, motion))
+                mirrors.append(Reflector(name, mesh, None, BRONZE_ETA, BRONZE_K, motion))
             else:
                 objects.append(Object(name, mesh, "an eye that mirrors nothing, in the place of one that does", motion))
     scene = Scene(
@@ -124,7 +122,7 @@ def ant(detail: DetailName = "lean", eyes: int = EYES, moving: bool = True) -> S
         camera=Approach(),
         frames=FRAMES,
         fps=FPS,
-        background=(0.50, 0.68, 0.98),
+        background=(0.36, 0.55, 0.90),
         exposure=0.0,
         detail=detail,
         h_max=d.h_max,
@@ -137,10 +135,10 @@ def ant(detail: DetailName = "lean", eyes: int = EYES, moving: bool = True) -> S
 class Approach:
     """The camera: sinks towards the ants' heads and goes around them a little, setting out and arriving gently."""
 
-    azimuth_deg: tuple[float, float] = (-108.0, -78.0)
-    elevation_deg: tuple[float, float] = (24.0, 15.0)
-    distance: tuple[float, float] = (1.12, 0.90)
-    target: tuple[float, float, float] = (0.0, -0.14, 0.17)
+    azimuth_deg: tuple[float, float] = (-106.0, -90.0)
+    elevation_deg: tuple[float, float] = (30.0, 15.0)
+    distance: tuple[float, float] = (1.34, 1.00)
+    target: tuple[float, float, float] = (0.0, -0.12, 0.155)
     duration: float = (FRAMES - 1) / FPS
 
     def __call__(self, time: float) -> Camera:
@@ -149,7 +147,7 @@ class Approach:
         azimuth, elevation = (np.radians((1 - s) * a + s * b) for a, b in (self.azimuth_deg, self.elevation_deg))
         distance = (1 - s) * self.distance[0] + s * self.distance[1]
         way = np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
-        return Camera(tuple((np.asarray(self.target) + distance * way).tolist()), self.target, fov_deg=36.0)
+        return Camera(tuple((np.asarray(self.target) + distance * way).tolist()), self.target, fov_deg=38.0)
 
 
 @dataclass(frozen=True)
@@ -228,11 +226,11 @@ def _cans(n: int, moving: bool) -> list[Object]:
     place = PLACES[1]
     bearing = np.radians(place.bearing_deg)
     x, y = COUNCIL[:2] + (place.away + 0.21) * np.array([np.cos(bearing), np.sin(bearing)])
-    roll = Roll((0.56, -0.72, 0.085), (-0.36, -0.09))
+    roll = Roll((0.22, -0.64, 0.085), (0.34, 0.06))
     across = np.degrees(np.arctan2(roll.way[1], roll.way[0]))
     rolling = picnic.lying(picnic.soda(n, tonic), 0.085, *roll.start[:2], across)
     return [
-        stand("can-tuna", picnic.tin(n, tuna, 0.235, place.height + 0.002), x, y, 10, "a flat tin that the second ant stands on"),
+        stand("can-tuna", picnic.tin(n + n // 2, tuna, 0.235, place.height + 0.008), x, y, 10, "a flat tin that the second ant stands on"),
         stand("can-cola", picnic.soda(n, cola), -0.60, 0.30, 0, "a tall red can behind the ants: long thin triangles"),
         stand("can-peas", picnic.tin(n, peas), 0.02, 0.50, 30, "a green tin between the ants, half hidden by them"),
         stand("can-lemon", picnic.soda(n, lemon), 0.52, 0.36, 60, "a tall yellow can behind the ants"),
@@ -240,9 +238,9 @@ def _cans(n: int, moving: bool) -> list[Object]:
         stand("can-soup", picnic.tin(n, soup), -0.72, -0.62, 80, "a red and white tin beside the leftmost ant's eyes"),
         stand("can-orange", picnic.soda(n, [(0.25, orange), (0.25, white)] * 2), 0.80, -0.62, 20,
               "an orange can beside the rightmost ant's eyes"),
-        stand("can-blue", picnic.soda(n, [(0.4, blue), (0.1, gold)] * 2), -0.42, -1.42, 0,
+        stand("can-blue", picnic.soda(n, [(0.4, blue), (0.1, gold)] * 2), -0.46, -1.20, 0,
               "a blue can behind the camera, mirrored in all eyes"),
-        lie("can-corn", picnic.tin(n, [(0.3, gold), (0.2, green)] * 2), 0.103, (0.40, -1.46), 75,
+        lie("can-corn", picnic.tin(n, [(0.3, gold), (0.2, green)] * 2), 0.103, (0.46, -1.26), 75,
             "a lying yellow tin behind the camera, mirrored in all eyes"),
         Object("can-rolling", rolling, "upright stripes that turn: a can that rolls, seen in all eyes", roll if moving else None),
     ]  # fmt: skip

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from benchharness.scene import Mesh, merged
 from scenes.shapes import Colour, ball, pose, tube
@@ -53,6 +54,7 @@ class Fineness:
 
     body: int
     leg: int
+    antenna: int
     head: int
     head_rings: int
     eye: int
@@ -158,10 +160,11 @@ def _leg(d: Fineness, name: str, side: int, foot: tuple[float, float], colour: C
 
 def _antenna(d: Fineness, side: int, colour: Colour) -> Mesh:
     """From the face between the eyes upward, then outward to a thicker end; from the head's centre."""
-    path = [(0.012, 0.066, 0.004), (0.014, 0.094, 0.040), (0.020, 0.104, 0.085), (0.032, 0.108, 0.122),
-            (0.052, 0.120, 0.142), (0.085, 0.140, 0.152), (0.118, 0.162, 0.146), (0.140, 0.178, 0.132)]  # fmt: skip
-    radii = [0.0075, 0.0070, 0.0065, 0.0070, 0.0060, 0.0065, 0.0085, 0.0060]
-    return tube(np.array(path) * [side, 1, 1], radii, d.leg, _darker(colour, 0.75))
+    path = [(0.012, 0.066, 0.004), (0.014, 0.100, 0.060), (0.030, 0.104, 0.125), (0.085, 0.125, 0.155), (0.150, 0.160, 0.130)]
+    stops = np.linspace(0, len(path) - 1, d.antenna)
+    radii = np.interp(stops, [0, 2, 2.3, 3.6, 4], [0.0070, 0.0055, 0.0065, 0.0050, 0.0075])
+    smooth = CubicSpline(np.arange(len(path)), np.array(path) * [side, 1, 1])(stops)
+    return tube(smooth, radii, d.leg, _darker(colour, 0.75))
 
 
 def _mandible(d: Fineness, side: int) -> Mesh:
