@@ -49,7 +49,7 @@ class Detail:
 
 DETAILS: dict[str, Detail] = {
     "lean": Detail(Fineness(body=12, leg=5, antenna=11, head=14, head_rings=10, eye=24, eye_rings=17), 12, 16, 4, 0.2),
-    "paper": Detail(Fineness(body=16, leg=6, antenna=14, head=18, head_rings=12, eye=26, eye_rings=17), 32, 28, 5, 0.09),
+    "paper": Detail(Fineness(body=16, leg=6, antenna=14, head=18, head_rings=12, eye=26, eye_rings=17), 28, 22, 5, 0.0875),
 }
 
 COUNCIL = np.array([0.0, -0.50, 0.0])
@@ -137,7 +137,7 @@ class Approach:
 
     azimuth_deg: tuple[float, float] = (-106.0, -90.0)
     elevation_deg: tuple[float, float] = (30.0, 15.0)
-    distance: tuple[float, float] = (1.34, 1.00)
+    distance: tuple[float, float] = (1.34, 1.04)
     target: tuple[float, float, float] = (0.0, -0.12, 0.155)
     duration: float = (FRAMES - 1) / FPS
 
@@ -214,6 +214,7 @@ def _cans(n: int, moving: bool) -> list[Object]:
     tonic = [(0.125, blue), (0.125, white)] * 4
     soup = [(0.30, red), (0.20, cream)] * 2
     peas = [(0.34, green), (0.16, cream)] * 2
+    beans = [(0.32, blue), (0.18, cream)] * 2
     peach = [(0.25, orange), (0.25, cream)] * 2
     tuna = [(0.125, teal), (0.125, cream)] * 4
 
@@ -226,13 +227,15 @@ def _cans(n: int, moving: bool) -> list[Object]:
     place = PLACES[1]
     bearing = np.radians(place.bearing_deg)
     x, y = COUNCIL[:2] + (place.away + 0.21) * np.array([np.cos(bearing), np.sin(bearing)])
-    roll = Roll((0.22, -0.64, 0.085), (0.34, 0.06))
+    roll = Roll((0.25, -0.64, 0.085), (0.18, 0.03))
     across = np.degrees(np.arctan2(roll.way[1], roll.way[0]))
     rolling = picnic.lying(picnic.soda(n, tonic), 0.085, *roll.start[:2], across)
     return [
         stand("can-tuna", picnic.tin(n + n // 2, tuna, 0.235, place.height + 0.008), x, y, 10, "a flat tin that the second ant stands on"),
         stand("can-cola", picnic.soda(n, cola), -0.60, 0.30, 0, "a tall red can behind the ants: long thin triangles"),
         stand("can-peas", picnic.tin(n, peas), 0.02, 0.50, 30, "a green tin between the ants, half hidden by them"),
+        stand("can-beans", picnic.tin(n, beans), 0.235, 0.56, -20, "a blue tin beside the green one"),
+        Object("can-on-top", placed(picnic.tin(n, soup), (0.13, 0.535, 0.24), 55), "a tin on two others, against the hills"),
         stand("can-lemon", picnic.soda(n, lemon), 0.52, 0.36, 60, "a tall yellow can behind the ants"),
         lie("can-peach", picnic.tin(n, peach), 0.103, (0.80, 0.62), 60, "a tin that lies on its side, far right"),
         stand("can-soup", picnic.tin(n, soup), -0.72, -0.62, 80, "a red and white tin beside the leftmost ant's eyes"),

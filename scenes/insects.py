@@ -36,8 +36,8 @@ BODY = np.array([
 """Thorax, petiole with its node, and gaster: y, z of the middle, radius, metres."""
 
 LEG = np.array([
-    (0.00, 0.000, 0.013), (0.14, 0.020, 0.014), (0.34, 0.082, 0.014), (0.44, 0.094, 0.013), (0.54, 0.066, 0.012),
-    (0.78, -0.062, 0.008), (0.86, -0.101, 0.006), (1.00, -0.117, 0.005),
+    (0.00, 0.000, 0.013), (0.13, 0.026, 0.014), (0.28, 0.066, 0.014), (0.43, 0.092, 0.013), (0.57, 0.060, 0.011),
+    (0.78, -0.058, 0.008), (0.87, -0.100, 0.006), (1.00, -0.117, 0.005),
 ])  # fmt: skip
 """A leg: share of the way from hip to foot, height over the hip (of 0.125 m), radius, metres."""
 HIPS = {"front": (0.030, 0.065, 0.125), "middle": (0.036, 0.025, 0.125), "hind": (0.030, -0.015, 0.125)}
@@ -169,8 +169,14 @@ def _antenna(d: Fineness, side: int, colour: Colour) -> Mesh:
 
 def _mandible(d: Fineness, side: int) -> Mesh:
     """A bent pincer in front of the mouth; from the head's centre."""
-    path = [(0.034, 0.048, -0.046), (0.046, 0.082, -0.054), (0.040, 0.108, -0.058), (0.018, 0.124, -0.060), (0.003, 0.126, -0.060)]
-    return tube(np.array(path) * [side, 1, 1], [0.017, 0.016, 0.013, 0.008, 0.003], d.leg, (0.07, 0.035, 0.025))
+    path = [
+        (0.034, 0.048, -0.046),
+        (0.046, 0.082, -0.054),
+        (0.040, 0.108, -0.058),
+        (0.018, 0.124, -0.060),
+        (0.003, 0.126, -0.060),
+    ]
+    return tube(np.array(path) * [side, 1, 1], [0.017, 0.016, 0.013, 0.008, 0.003], d.leg, (0.07, 0.035, 0.030))
 
 
 def _darker(colour: Sequence[float], share: float) -> Colour:

@@ -18,7 +18,7 @@ CLOTH = (-1.1, 1.1, -1.40, 0.80)
 """x from, to, y from, to, metres."""
 CHECKS = (18, 18)
 """Checks of the cloth along x and y."""
-HORIZON = 2.15
+HORIZON = 1.9
 """Radius of the meadow, metres; hills stand around it."""
 METAL: Colour = (0.60, 0.60, 0.61)
 SUN_AT = (-1.25, -1.15, 2.3)
@@ -102,11 +102,12 @@ def meadow(around: int, rings: int) -> Object:
     x0, x1, y0, y1 = CLOTH
     middle = np.array([0.5 * (x0 + x1), 0.5 * (y0 + y1)])
     corners = np.arctan2(*(np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]) - middle).T[::-1])
-    angle = np.sort(np.concatenate([np.linspace(-np.pi, np.pi, around, endpoint=False), corners]))
+    angle = np.unique(np.round(np.concatenate([np.linspace(-np.pi, np.pi, around, endpoint=False), corners]), 9))
     way = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     half = 0.5 * np.array([x1 - x0, y1 - y0])
     border = middle + way / (abs(way) / half).max(axis=1, keepdims=True)
-    outer = HORIZON * (1.02 * way)
+    along = way @ middle
+    outer = middle + way * (np.sqrt(along**2 + (1.02 * HORIZON) ** 2 - middle @ middle) - along)[:, None]
     share = np.linspace(0, 1, rings) ** 1.3
     p = ((1 - share)[:, None, None] * border + share[:, None, None] * outer).reshape(-1, 2)
     n, k = len(angle), np.arange(len(angle))
@@ -127,7 +128,12 @@ def hills(around: int) -> Object:
     angle = 2 * np.pi * np.arange(around) / around
     rows = [
         (HORIZON, 0.30 + 0.10 * np.sin(3 * angle) + 0.06 * np.sin(7 * angle + 1), (0.14, 0.29, 0.07), (0.24, 0.42, 0.10)),
-        (1.06 * HORIZON, 0.52 + 0.14 * np.sin(2 * angle + 2) + 0.09 * np.sin(5 * angle), (0.22, 0.38, 0.26), (0.34, 0.47, 0.44)),
+        (
+            1.06 * HORIZON,
+            0.52 + 0.14 * np.sin(2 * angle + 2) + 0.09 * np.sin(5 * angle),
+            (0.22, 0.38, 0.26),
+            (0.34, 0.47, 0.44),
+        ),
     ]
     parts = []
     for radius, height, low, high in rows:
