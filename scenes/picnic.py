@@ -39,7 +39,7 @@ def wrap(radius: float, z0: float, z1: float, colours: np.ndarray) -> Mesh:
         low = radius * normal + [0, 0, z0]
         k, m = np.arange(b - a), b - a + 1
         faces = np.concatenate([np.stack([k, k + 1, m + k + 1], axis=1), np.stack([k, m + k + 1, m + k], axis=1)])
-        both = np.concatenate([low, low + [0, 0, z1 - z0]])
+        both = np.concatenate([low, low + np.array([0, 0, z1 - z0])])
         pieces.append(Mesh(both, faces, np.concatenate([normal, normal]), tuple(colours[a % n])))
     return merged(*pieces)
 
