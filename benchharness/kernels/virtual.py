@@ -25,6 +25,7 @@ from benchharness.kernels.frozen import frozen
 
 NONE, REFLECTED, HIDDEN = 0, 1, 2
 HALVINGS = 10  # of an edge, to find where it enters the hidden region: a thousandth of its length
+BEHIND = 2.0  # pixels, seen from the side: what is hidden deeper than this behind the mirror does not go into it
 CONTACT = 1e-3  # share of the mirror's depth by which an image may lie in front of it: what touches a mirror is at its depth
 
 
@@ -225,10 +226,25 @@ def _cut(points, carried: list, inner, outer, hider, view, active):
         low, high = dr.select(behind, low, middle), dr.select(behind, middle, high)
         met = dr.select(behind, surface, met)
         step += 1
+    # On the mirror's outline, where the edge goes behind it, end a pixel before: the outline is round, and what is drawn
+    # between two ends is straight. Where the edge goes into the mirror, end there.
     x = dr.lerp(a, b, high)
-    depth = dr.select(met > 0, met, dr.dot(view.w, mi.Vector4f(x.x, x.y, x.z, 1)))
+    own = dr.dot(view.w, mi.Vector4f(x.x, x.y, x.z, 1))
+    depth = dr.select(met > 0, met, own)
+    focal = dr.rcp(dr.norm(view.right))
+    far_behind = (own - depth) * focal > BEHIND * own
+    length = dr.norm(_pixel(view, a) - _pixel(view, b))
+    high -= dr.select(far_behind, dr.minimum(dr.rcp(dr.maximum(length, 1e-6)), 0.5 * high), 0)
+    x = dr.lerp(a, b, high)
     there = [dr.lerp(*(dr.gather(mi.Vector4f, packets, i, active) for i in (inner, outer)), high) for packets in carried]
     return [mi.Vector4f(x.x, x.y, x.z, HIDDEN), *there], depth
+
+
+def _pixel(view, p: mi.Vector4f) -> mi.Point2f:
+    """Where a point in front of the eye is seen."""
+    q = mi.Vector4f(p.x, p.y, p.z, 1)
+    scale = dr.rcp(dr.maximum(dr.dot(view.w, q), view.near))
+    return mi.Point2f(dr.dot(view.x, q) * scale, dr.dot(view.y, q) * scale)
 
 
 def _turned_to_mirror(points, at, face, kinds) -> mi.Bool:
