@@ -198,6 +198,15 @@ def ball(radius: float, segments: int, rings: int, albedo: Colour, emission: Col
     return replace(mesh, normals=mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True))
 
 
+def unit_sphere(segments: int, rings: int) -> trimesh.Trimesh:
+    """The unit sphere with poles on z and `rings` vertices from pole to pole; an odd number has an equator."""
+    angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, rings)
+    profile = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    profile[[0, -1], 0] = 0.0
+    profile[abs(profile) < 1e-15] = 0.0
+    return trimesh.creation.revolve(profile, sections=segments)
+
+
 def tube(path, radius: float | Sequence[float] | np.ndarray, segments: int, albedo: Colour) -> Mesh:
     """A round tube along `path` [N, 3], closed at both ends; one radius or one for each point."""
     path = np.asarray(path, np.float64)
