@@ -50,8 +50,8 @@ class Detail:
 
 
 DETAILS: dict[str, Detail] = {
-    "lean": Detail(near=12, hand=12, table=0.14, wall=0.6, back=0.25, h_max=0.42),
-    "paper": Detail(near=30, hand=26, table=0.03, wall=0.16, back=0.05, h_max=0.1),
+    "lean": Detail(near=12, hand=12, table=0.14, wall=0.6, back=0.25, h_max=0.55),
+    "paper": Detail(near=26, hand=22, table=0.035, wall=0.2, back=0.05, h_max=0.195),
 }
 
 GLOSSY = "jug"
@@ -59,12 +59,12 @@ GLOSSY = "jug"
 TRIVET = 0.012
 """Height of what the kettle stands on, metres."""
 CENTRE = (0.0, 0.0, HEIGHT + CLOTH + TRIVET + kettle_body.FOOT)
-"""The origin of the body's support function: on its axis, 101 mm over its lowest point."""
+"""The origin of the body's support function: on its axis, 117 mm over its lowest point."""
 FRAMES, FPS = 100, 25.0
 TOUCH_FRAME = 60
 """The first frame in which the nail is on the kettle."""
-TOUCH_VERTEX = (29, 55)
-"""Ring (from the bottom) and segment (from +x) of the body's vertex that is touched: normal 19° up, 206° around."""
+TOUCH_VERTEX = (27, 54)
+"""Ring (from the bottom) and segment (from +x) of the body's vertex that is touched: normal 20° up, 216° around."""
 
 FIGURE, FIGURE_DEG = (-0.66, 0.27, 0.0), -24.0
 """Where the figure sits, and where it looks: azimuth, degrees."""
@@ -94,7 +94,7 @@ def kettle(detail: DetailName = "lean", moving: bool = True) -> Scene:
             *kettle_room.table(d.table, feet),
             *kettle_room.chair(d.back),
             *things,
-            *kettle_figure.sitter(d.near + 2, FIGURE, FIGURE_DEG),
+            *kettle_figure.sitter(d.near, FIGURE, FIGURE_DEG),
             *_arm(d.hand, moving),
             *kettle_body.attached(CENTRE, d.near),
         ),
@@ -102,6 +102,7 @@ def kettle(detail: DetailName = "lean", moving: bool = True) -> Scene:
         camera=Orbit(),
         frames=FRAMES,
         fps=FPS,
+        exposure=0.25,
         detail=detail,
         h_max=d.h_max,
     )
@@ -127,10 +128,10 @@ class Orbit:
     From and to are azimuth and elevation (degrees) and distance (metres) of the eye from `target`.
     """
 
-    target: tuple[float, float, float] = (-0.045, 0.0, CENTRE[2] + 0.035)
-    azimuth_deg: tuple[float, float] = (-84.0, -108.0)
-    elevation_deg: tuple[float, float] = (13.0, 19.0)
-    distance: tuple[float, float] = (0.66, 0.55)
+    target: tuple[float, float, float] = (-0.08, 0.0, CENTRE[2] + 0.030)
+    azimuth_deg: tuple[float, float] = (-78.0, -98.0)
+    elevation_deg: tuple[float, float] = (13.0, 17.0)
+    distance: tuple[float, float] = (0.71, 0.57)
     duration: float = (FRAMES - 1) / FPS
 
     def __call__(self, time: float) -> Camera:
@@ -147,7 +148,7 @@ def reach(hand: Mesh) -> kettle_figure.Reach:
     """The way of the hand to the kettle, so that the tip of its nail arrives at the point of `touch`."""
     x = np.array([0.985, 0.02, -0.17])
     x /= np.linalg.norm(x)
-    roll = np.radians(-28.0)
+    roll = np.radians(38.0)
     y = np.cross([0, 0, 1.0], x)
     y /= np.linalg.norm(y)
     z = np.cross(x, y)
@@ -183,7 +184,9 @@ def _jug(n: int, colour: Colour) -> Mesh:
     count = len(outside) + len(inside) - 1
     pot = lathe(outside + inside, n + n // 2, [colour] * (len(outside) - 1) + [kitchenware.WHITE] * (count - len(outside) + 1),
                 sharp_deg=75)  # fmt: skip
-    grip = tube(arc((0.036, 0, 0.062), (0.034, 0, 0), (0, 0, 0.028), -84, 84, max(7, n // 2 + 2)), 0.0052, max(6, n // 3), colour)
+    grip = tube(
+        arc((0.036, 0, 0.062), (0.034, 0, 0), (0, 0, 0.028), -84, 84, max(7, n // 2 + 2)), 0.0052, max(6, n // 3), colour
+    )
     return merged(pot, grip)
 
 
@@ -217,11 +220,11 @@ def _on_the_table(n: int) -> tuple[list[Object], list[tuple[float, float, float]
     on_cloth = HEIGHT + CLOTH
     objects = [
         Object("trivet", placed(trivet, (0, 0, on_cloth)), "a cork mat on which the mirror stands: the lower contact"),
-        Object("cup", placed(merged(saucer, cup), (-0.40, -0.16, HEIGHT)), "a yellow cup whose handle shows how it is turned"),
+        Object("cup", placed(merged(saucer, cup), (-0.41, -0.05, HEIGHT)), "a yellow cup whose handle shows how it is turned"),
         Object("plate", placed(plate, (*dish, HEIGHT)), "a flat round thing with a blue rim, seen beside and in the kettle"),
         Object("fruit", merged(*fruit), "round bright things behind the kettle, mirrored near its outline"),
         Object("vase", placed(_vase(n), (0.19, 0.42, HEIGHT)), "thin stems and bright heads against the wall"),
-        Object(GLOSSY, placed(_jug(n, (0.66, 0.80, 0.80)), (0.125, -0.205, on_cloth), -40),
+        Object(GLOSSY, placed(_jug(n, (0.66, 0.80, 0.80)), (-0.145, -0.180, on_cloth), -130),
                "a smooth glazed thing close to the kettle, where a highlight would move with the one who looks"),
     ]  # fmt: skip
-    return objects, [(-0.40, -0.16, 0.042), (*dish, 0.072), (0.19, 0.42, 0.03)]
+    return objects, [(-0.41, -0.05, 0.042), (*dish, 0.072), (0.19, 0.42, 0.03)]

@@ -15,16 +15,17 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from benchharness.scene import Mesh, Object, Reflector, merged
 from scenes.bowls import ALUMINIUM_ETA, ALUMINIUM_K
 from scenes.shapes import Colour, arc, lathe, placed, tube, unit_sphere
 
-SUPPORT = {0: 0.1330, 2: -0.0270, 3: 0.0050}
-"""c_k: metres, by order k. The body is 0.32 m wide and 0.212 m high."""
-FOOT = 0.1010
+SUPPORT = {0: 0.1380, 2: -0.0160, 3: 0.0050}
+"""c_k: metres, by order k. The body is 0.31 m wide and 0.244 m high."""
+FOOT = 0.1170
 """From the body's lowest point up to `centre`, metres: h(180°)."""
-SEGMENTS, RINGS = 96, 49
+SEGMENTS, RINGS = 90, 45
 """Vertices around the body, and from pole to pole, at equal angles between their normals."""
 SPOUT_DEG = 25.0
 """Azimuth of the spout; the handle's bow stands in the same plane."""
@@ -96,16 +97,18 @@ def attached(centre: tuple[float, float, float], n: int) -> list[Object]:
     top = float(support(np.zeros(1))[0][0])
 
     # A bow of metal with a wooden grip in the middle.
-    bow = arc((0, 0, 0.055), (0.125, 0, 0), (0, 0, 0.175), 6, 174, max(18, 2 * n))
+    bow = arc((0, 0, 0.070), (0.118, 0, 0), (0, 0, 0.165), 6, 174, max(18, 2 * n))
     thick = np.full(len(bow), 0.0062)
     handle = pressed(tube(bow, thick, max(6, n // 2), METAL))
-    grip = arc((0, 0, 0.055), (0.125, 0, 0), (0, 0, 0.175), 50, 130, max(9, n))
+    grip = arc((0, 0, 0.070), (0.118, 0, 0), (0, 0, 0.165), 50, 130, max(9, n))
     s = np.linspace(-1, 1, len(grip))
     wood = tube(grip, 0.0125 * np.sqrt(1 - 0.62 * s**6) * (1 - 0.12 * s * s), max(7, 2 * n // 3), WOOD)
 
-    bend = np.array([(0.118, 0, 0.000), (0.150, 0, 0.016), (0.172, 0, 0.043), (0.187, 0, 0.074), (0.206, 0, 0.100),
-                     (0.222, 0, 0.110)])  # fmt: skip
-    spout = pressed(tube(bend, [0.033, 0.0265, 0.020, 0.0165, 0.0145, 0.0145], max(8, 2 * n // 3), (0.16, 0.045, 0.03)))
+    way = CubicSpline(np.linspace(0, 1, 5), [(0.112, 0, 0.010), (0.146, 0, 0.028), (0.172, 0, 0.062), (0.192, 0, 0.102),
+                                             (0.220, 0, 0.124)])(s := np.linspace(0, 1, max(9, n // 2 + 2)))  # fmt: skip
+    bend = tube(way, 0.0135 + 0.0195 * (1 - s) ** 1.5 + 0.002 * s**8, max(9, 2 * n // 3), (0.16, 0.045, 0.03))
+    mouth = np.arange(len(bend.vertices)) == len(bend.vertices) - 1  # the middle of its end
+    spout = pressed(replace(bend, albedo=np.where(mouth[:, None], 0.03, bend.albedo)))
 
     profile = [(0.0125, top - 0.004), (0.0105, top + 0.006), (0.012, top + 0.011), (0.0195, top + 0.019),
                (0.0205, top + 0.026), (0.015, top + 0.033), (0, top + 0.0355)]  # fmt: skip
@@ -118,5 +121,5 @@ def attached(centre: tuple[float, float, float], n: int) -> list[Object]:
         Object("handle", merged(stood(handle), stood(wood)), "a bow over the lid that starts from the mirror itself: "
                "its image starts where it does"),
         Object("spout", stood(spout), "a thick bent thing that grows out of the mirror"),
-        Object("knob", stood(replace(knob)), "a small round thing that stands on the mirror, over its own image"),
+        Object("knob", stood(knob), "a small round thing that stands on the mirror, over its own image"),
     ]  # fmt: skip

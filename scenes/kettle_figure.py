@@ -12,10 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from benchharness.scene import Mesh, Object, merged
-from scenes.shapes import Colour, ball, lathe, placed, pose, tube
+from scenes.shapes import Colour, ball, lathe, placed, pose, rounded_tube, tube
 
 SKIN: Colour = (0.66, 0.38, 0.25)
 HAIR: Colour = (0.16, 0.07, 0.035)
@@ -30,19 +29,6 @@ UPPER, FORE = 0.285, 0.265
 Point = tuple[float, float, float]
 
 
-def limb(points, radii, segments: int, colour: Colour, count: int = 8, cap: int = 3) -> Mesh:
-    """A smooth tube through `points` [N, 3] with `radii` [N] and round ends; `count` rings between the ends' caps."""
-    points, radii = np.asarray(points, np.float64), np.asarray(radii, np.float64)
-    way = np.r_[0.0, np.linalg.norm(np.diff(points, axis=0), axis=1).cumsum()]
-    a = np.radians(np.linspace(78, 0, cap))
-    first, last = radii[0], radii[-1]
-    ends = first * (1 - np.sin(a)), way[-1] - last * (1 - np.sin(a[::-1]))
-    s = np.concatenate([ends[0], np.linspace(first, way[-1] - last, count + 2)[1:-1], ends[1]])
-    r = np.interp(s, way, radii)
-    r[:cap], r[-cap:] = r[cap - 1] * np.cos(a), r[-cap] * np.cos(a[::-1])
-    return tube(CubicSpline(way, points)(s), r, segments, colour)
-
-
 def stretched(mesh: Mesh, scale: Point) -> Mesh:
     """Scaled along the axes about the origin; normals follow."""
     return replace(mesh, vertices=mesh.vertices * scale, normals=_unit(mesh.normals / scale))
@@ -51,21 +37,21 @@ def stretched(mesh: Mesh, scale: Point) -> Mesh:
 def hand(n: int) -> Mesh:
     """A right hand whose index finger points; its red nail ends in one vertex, the foremost of all (`tip`)."""
     k = max(6, n // 2)
-    palm = stretched(limb([(-0.012, 0, 0), (0.022, 0, 0), (0.060, 0, 0), (0.102, -0.001, 0)], [0.026, 0.031, 0.041, 0.041],
-                          n, SKIN, count=max(4, k - 3)), (1, 1, 0.42))  # fmt: skip
+    wrist_to_knuckles = [(-0.012, 0, 0), (0.022, 0, 0), (0.060, 0, 0), (0.102, -0.001, 0)]
+    palm = rounded_tube(wrist_to_knuckles, [0.026, 0.031, 0.041, 0.041], n, SKIN, count=max(4, k - 3))
     fingers = [
-        limb([(0.082, 0.029, 0), (0.120, 0.031, 0.006), (0.152, 0.031, 0.003), (0.184, 0.031, -0.007)],
+        rounded_tube([(0.082, 0.029, 0), (0.120, 0.031, 0.006), (0.152, 0.031, 0.003), (0.184, 0.031, -0.007)],
              [0.0105, 0.0098, 0.0090, 0.0078], k, SKIN, count=max(6, k)),
-        limb([(0.028, 0.026, -0.006), (0.058, 0.055, -0.014), (0.088, 0.061, -0.022), (0.114, 0.056, -0.026)],
+        rounded_tube([(0.028, 0.026, -0.006), (0.058, 0.055, -0.014), (0.088, 0.061, -0.022), (0.114, 0.056, -0.026)],
              [0.0145, 0.0115, 0.0105, 0.0085], k, SKIN, count=k - 2),
     ]  # fmt: skip
     for y, long, thick in ((0.0095, 1.0, 0.0102), (-0.0115, 0.95, 0.0098), (-0.031, 0.80, 0.0088)):
-        bent = np.array([(0, 0, 0.002), (0.036, 0, 0.003), (0.051, 0, -0.016), (0.038, 0, -0.034), (0.016, 0, -0.034)])
-        fingers.append(limb(bent * long + (0.083, y, 0), [thick, thick, 0.96 * thick, 0.92 * thick, 0.85 * thick], k, SKIN,
-                            count=max(7, k)))  # fmt: skip
-    almond = [(0, 0), (0.0050, 0.003), (0.0064, 0.009), (0.0062, 0.016), (0.0046, 0.0245), (0, 0.0345)]
+        bent = np.array([(0, 0, 0.002), (0.030, 0, 0.004), (0.043, 0, -0.012), (0.031, 0, -0.028), (0.008, 0, -0.027)])
+        radii = [thick, thick, 0.96 * thick, 0.92 * thick, 0.85 * thick]
+        fingers.append(rounded_tube(bent * long + (0.083, y, 0), radii, k, SKIN, count=max(7, k)))
+    almond = [(0, 0), (0.0044, 0.003), (0.0057, 0.009), (0.0056, 0.016), (0.0042, 0.0245), (0, 0.0345)]
     nail = stretched(lathe(almond, k, NAIL, sharp_deg=180), (0.42, 1, 1))
-    return merged(palm, *fingers, nail.transformed(pose((0.164, 0.031, 0.0075)) @ _about_y(90 + 13)))
+    return merged(stretched(palm, (1, 1, 0.42)), *fingers, nail.transformed(pose((0.164, 0.031, 0.0075)) @ _about_y(90 + 13)))
 
 
 def tip(mesh: Mesh) -> int:
@@ -130,15 +116,19 @@ class Arm:
 
 def upper_arm(n: int) -> Mesh:
     """From the shoulder, in the jumper's sleeve."""
-    return limb([(-0.045, 0, 0), (0.05, 0, 0), (0.18, 0, 0), (UPPER + 0.036, 0, 0)], [0.060, 0.056, 0.047, 0.043], n, JUMPER[0],
-                count=4)  # fmt: skip
+    way = [(-0.045, 0, 0), (0.05, 0, 0), (0.18, 0, 0), (UPPER + 0.036, 0, 0)]
+    return rounded_tube(way, [0.060, 0.056, 0.047, 0.043], n, JUMPER[0], count=4)
 
 
 def forearm(n: int) -> Mesh:
     """From the elbow: sleeve, a pale cuff, and the wrist that comes out of it."""
-    sleeve = limb([(-0.04, 0, 0), (0.06, 0, 0), (0.14, 0, 0), (0.205, 0, 0)], [0.042, 0.045, 0.040, 0.035], n, JUMPER[0], count=4)
-    cuff = limb([(0.178, 0, 0), (0.195, 0, 0), (0.222, 0, 0)], [0.038, 0.039, 0.037], n, JUMPER[1], count=2)
-    wrist = limb([(0.15, 0, 0), (0.21, 0, 0), (FORE + 0.012, 0, 0)], [0.027, 0.026, 0.024], max(6, n - 2), SKIN, count=2)
+    sleeve = rounded_tube(
+        [(-0.04, 0, 0), (0.06, 0, 0), (0.14, 0, 0), (0.205, 0, 0)], [0.042, 0.045, 0.040, 0.035], n, JUMPER[0], count=4
+    )
+    cuff = rounded_tube([(0.178, 0, 0), (0.195, 0, 0), (0.222, 0, 0)], [0.038, 0.039, 0.037], n, JUMPER[1], count=2)
+    wrist = rounded_tube(
+        [(0.15, 0, 0), (0.21, 0, 0), (FORE + 0.012, 0, 0)], [0.027, 0.026, 0.024], max(6, n - 2), SKIN, count=2
+    )
     return merged(sleeve, cuff, wrist)
 
 
@@ -148,19 +138,21 @@ def sitter(n: int, at: Point, turn_deg: float) -> list[Object]:
     widths = [0.150, 0.150, 0.152, 0.156, 0.162, 0.170, 0.177, 0.182, 0.182, 0.165, 0.125, 0.082, 0.060]
     stripes = [JUMPER[k % 2 if k < 8 else 0] for k in range(len(heights) - 1)]
     torso = stretched(lathe(np.column_stack([widths, heights]), n + n // 2, stripes, sharp_deg=60), (0.62, 1, 1))
-    left = limb([(0, 0.165, 1.030), (0.01, 0.215, 0.98), (0.03, 0.245, 0.80), (0.05, 0.23, 0.66)], [0.058, 0.058, 0.048, 0.044], n,
-                JUMPER[0])  # fmt: skip
-    neck = limb([(0, 0, 1.04), (0.004, 0, 1.10), (0.012, 0, 1.19)], [0.05, 0.049, 0.047], n, SKIN, count=3)
+    hanging = [(0, 0.165, 1.030), (0.01, 0.215, 0.98), (0.03, 0.245, 0.80), (0.05, 0.23, 0.66)]
+    left = rounded_tube(hanging, [0.058, 0.058, 0.048, 0.044], n, JUMPER[0])
+    neck = rounded_tube([(0, 0, 1.04), (0.004, 0, 1.10), (0.012, 0, 1.19)], [0.05, 0.049, 0.047], n, SKIN, count=3)
     skull = stretched(ball(1.0, n + 4, n, SKIN), (0.094, 0.080, 0.112))
-    nose = limb([(0.088, 0, 0.012), (0.098, 0, -0.004), (0.104, 0, -0.020)], [0.008, 0.011, 0.013], 6, (0.70, 0.38, 0.26), 2, 2)
+    nose = rounded_tube(
+        [(0.088, 0, 0.012), (0.098, 0, -0.004), (0.104, 0, -0.020)], [0.008, 0.011, 0.013], 6, (0.70, 0.38, 0.26), 2, 2
+    )
     eyes = [placed(ball(0.0115, 8, 6, (0.05, 0.04, 0.04)), (0.078, y, 0.012)) for y in (-0.032, 0.032)]
     mouth = tube([(0.078, -0.030, -0.044), (0.086, -0.016, -0.053), (0.088, 0, -0.056), (0.086, 0.016, -0.053),
                   (0.078, 0.030, -0.044)], 0.0052, 5, (0.55, 0.08, 0.07))  # fmt: skip
     ears = [placed(stretched(ball(1.0, 8, 6, SKIN), (0.020, 0.011, 0.028)), (-0.004, y, 0.0)) for y in (-0.081, 0.081)]
     face = placed(merged(skull, nose, *eyes, mouth, *ears), (0.015, 0, 1.285))
     cap = stretched(ball(1.0, n + 4, n, HAIR), (0.100, 0.090, 0.108))
-    hair = placed(merged(cap.transformed(_about_y(-34)), placed(stretched(ball(1.0, n, n // 2 + 3, HAIR), (0.044, 0.044, 0.044)),
-                                                              (-0.075, 0, 0.105))), (-0.012, 0, 1.315))  # fmt: skip
+    bun = placed(ball(0.044, n, n // 2 + 3, HAIR), (-0.075, 0, 0.105))
+    hair = placed(merged(cap.transformed(_about_y(-34)), bun), (-0.012, 0, 1.315))
     here = lambda *meshes: placed(merged(*meshes), at, turn_deg)  # noqa: E731
     return [
         Object("torso", here(torso, left), "a striped jumper: which way the figure is bent in the mirror"),

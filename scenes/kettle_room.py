@@ -11,7 +11,7 @@ from benchharness.scene import Mesh, Object, merged
 from scenes.kitchen_room import DARK_OAK, OAK, WHITE, WINDOW, X, Y, Z
 from scenes.shapes import Colour, bar, box, contact_sheet, placed, sheet, tiles, with_breaks
 
-TABLE = (-0.62, 0.30, -0.46, 0.56)
+TABLE = (-0.66, 0.25, -0.46, 0.56)
 """The table top: x from, to, y from, to, metres."""
 HEIGHT = 0.75
 """Of the table, metres."""
@@ -106,7 +106,10 @@ def pictures() -> list[Object]:
     shelf = merged(
         box((X - 0.36, -1.30, 0), (X, -0.30, 1.75), (0.48, 0.16, 0.09), "+x -z -x", 0.6),
         sheet((X - 0.02, 0, 0), (0, -1, 0), (0, 0, 1), [0.34, 0.8, 1.26], [0.04, 0.6, 1.2, 1.71], (0.20, 0.07, 0.04)),
-        *(box((X - 0.36, -1.27, z), (X - 0.02, -0.33, z + 0.03), (0.48, 0.16, 0.09), "+x -y +y", 0.6) for z in (0.04, 0.60, 1.15)),
+        *(
+            box((X - 0.36, -1.27, z), (X - 0.02, -0.33, z + 0.03), (0.48, 0.16, 0.09), "+x -y +y", 0.6)
+            for z in (0.04, 0.60, 1.15)
+        ),
         *_books(),
     )
     return [
@@ -142,7 +145,9 @@ def table(spacing: float, feet: list[tuple[float, float, float]]) -> list[Object
     u, v = side * np.array([np.cos(angle), np.sin(angle), 0]), side * np.array([-np.sin(angle), np.cos(angle), 0])
     check = np.add.outer(np.arange(n) % 2, np.arange(n) % 2)[..., None]
     colours = np.select([check == 0, check == 1], [(0.80, 0.76, 0.68), (0.72, 0.36, 0.30)], RED)
-    border = (np.minimum.outer(np.minimum(np.arange(n), n - 1 - np.arange(n)), np.minimum(np.arange(n), n - 1 - np.arange(n))) == 0)
+    border = (
+        np.minimum.outer(np.minimum(np.arange(n), n - 1 - np.arange(n)), np.minimum(np.arange(n), n - 1 - np.arange(n))) == 0
+    )
     colours = np.where(border[..., None], (0.07, 0.16, 0.34), colours)
     cloth = tiles(np.array([-0.035, -0.02, HEIGHT + CLOTH]) - (u + v) / 2, u, v, (n, n), colours)
     return [
@@ -152,9 +157,9 @@ def table(spacing: float, feet: list[tuple[float, float, float]]) -> list[Object
     ]
 
 
-CHAIR = (0.36, -0.012, 8.0)
+CHAIR = (0.287, -0.088, -15.0)
 """The near edge of the chair's back: x, y at its rear side, metres; and azimuth of the back from there, degrees."""
-BACK = (0.40, 0.66, 1.10)
+BACK = (0.40, 0.68, 1.14)
 """The chair's back: its width, and the heights between which its panel lies, metres."""
 
 
@@ -169,12 +174,14 @@ def chair(spacing: float) -> list[Object]:
     seat = box((lo, 0.01, 0.42), (width, 0.45, 0.455), wood, "-z", bevel=0.006)
     panel = box((lo + 0.002, 0.0, z0), (width - 0.002, 0.022, z1), OAK, "-y", spacing)
     x, y, turn = CHAIR
-    n, m = 8, 10
-    stripes = (np.add.outer(np.arange(m), np.arange(n)) // 2 % 2)[..., None]
+    n, m = 4, 6
+    stripes = (np.add.outer(np.arange(m), np.arange(n)) % 2)[..., None]
     rear = tiles((lo + 0.002, 0.0, z0), (width - 0.004, 0, 0), (0, 0, z1 - z0), (n, m),
-                 np.where(stripes, (0.82, 0.66, 0.06), (0.48, 0.05, 0.38)))  # fmt: skip
+                 np.where(stripes, (0.85, 0.70, 0.05), (0.50, 0.05, 0.40)))  # fmt: skip
     here = lambda mesh: placed(mesh, (x, y, 0), turn)  # noqa: E731
     return [
-        Object("chair", here(merged(*legs, seat, panel)), "a chair beside the picture, whose back is edge-on to the kettle's axis"),
+        Object(
+            "chair", here(merged(*legs, seat, panel)), "a chair beside the picture, whose back is edge-on to the kettle's axis"
+        ),
         Object("chair-rear", here(rear), "the yellow and purple rear of its back: seen in the kettle's side, and nowhere else"),
     ]
