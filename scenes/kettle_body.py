@@ -97,7 +97,7 @@ def attached(centre: tuple[float, float, float], n: int) -> list[Object]:
     top = float(support(np.zeros(1))[0][0])
 
     # A bow of metal with a wooden grip in the middle.
-    bow = arc((0, 0, 0.070), (0.118, 0, 0), (0, 0, 0.165), 6, 174, max(18, 2 * n))
+    bow = arc((0, 0, 0.070), (0.118, 0, 0), (0, 0, 0.165), -8, 188, max(18, 2 * n))
     thick = np.full(len(bow), 0.0062)
     handle = pressed(tube(bow, thick, max(6, n // 2), METAL))
     grip = arc((0, 0, 0.070), (0.118, 0, 0), (0, 0, 0.165), 50, 130, max(9, n))

@@ -243,11 +243,15 @@ def rounded_tube(points, radii, segments: int, albedo: Colour, count: int = 8, c
     """A smooth tube through `points` [N, 3] with `radii` [N], metres, and half spheres for ends that reach `points`' ends.
 
     count, cap   rings along the tube between its ends, and rings of each end
+
+    Raises ValueError where the two half spheres do not fit between the ends.
     """
     points, radii = np.asarray(points, np.float64), np.asarray(radii, np.float64)
     way = np.r_[0.0, np.linalg.norm(np.diff(points, axis=0), axis=1).cumsum()]
     a = np.radians(np.linspace(78, 0, cap))
     first, last = radii[0], radii[-1]
+    if way[-1] <= first + last:
+        raise ValueError(f"rounded_tube: {way[-1]:.4g} m long; accepted: more than its end radii {first:.4g} + {last:.4g} m")
     ends = first * (1 - np.sin(a)), way[-1] - last * (1 - np.sin(a[::-1]))
     s = np.concatenate([ends[0], np.linspace(first, way[-1] - last, count + 2)[1:-1], ends[1]])
     r = np.interp(s, way, radii)
