@@ -51,7 +51,7 @@ class Detail:
 
 DETAILS: dict[str, Detail] = {
     "lean": Detail(near=12, hand=12, table=0.14, wall=0.6, back=0.25, h_max=0.55),
-    "paper": Detail(near=26, hand=22, table=0.035, wall=0.2, back=0.05, h_max=0.198),
+    "paper": Detail(near=26, hand=22, table=0.032, wall=0.2, back=0.05, h_max=0.198),
 }
 
 GLOSSY = "jug"

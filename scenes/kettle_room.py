@@ -103,13 +103,11 @@ def pictures() -> list[Object]:
         *panels,
         bar((0.30, -Y + 0.03, 0.99), (0.38, -Y + 0.09, 1.015), (0.75, 0.60, 0.25)),
     )
+    front, wood, inner = X - 0.36, (0.48, 0.16, 0.09), (0.30, 0.10, 0.06)
     shelf = merged(
-        box((X - 0.36, -1.30, 0), (X, -0.30, 1.75), (0.48, 0.16, 0.09), "+x -z -x", 0.6),
-        sheet((X - 0.02, 0, 0), (0, -1, 0), (0, 0, 1), [0.34, 0.8, 1.26], [0.04, 0.6, 1.2, 1.71], (0.20, 0.07, 0.04)),
-        *(
-            box((X - 0.36, -1.27, z), (X - 0.02, -0.33, z + 0.03), (0.48, 0.16, 0.09), "+x -y +y", 0.6)
-            for z in (0.04, 0.60, 1.15)
-        ),
+        *(box((front, y, 0), (X, y + 0.03, 1.75), wood, "+x -z", 0.6) for y in (-1.30, -0.33)),
+        *(box((front, -1.27, z), (X - 0.02, -0.33, z + 0.03), wood, "+x -y +y", 0.6) for z in (0.04, 0.60, 1.15, 1.72)),
+        sheet((X - 0.02, 0, 0), (0, -1, 0), (0, 0, 1), [0.33, 0.8, 1.27], [0.07, 0.60, 1.15, 1.72], inner),
         *_books(),
     )
     return [
@@ -137,24 +135,45 @@ def table(spacing: float, feet: list[tuple[float, float, float]]) -> list[Object
     top = contact_sheet((x0, y0), (x1, y1), HEIGHT, spacing, feet, OAK)
     grain = 1.0 + 0.10 * np.sin(23.0 * top.vertices[:, 1:2] + 2.0 * np.sin(3.0 * top.vertices[:, :1]))
     top = Mesh(top.vertices, top.faces, top.normals, top.albedo * grain)
+    top = _outside_cloth(top)
     low = HEIGHT - 0.035
     sides = box((x0, y0, low), (x1, y1, HEIGHT), OAK, "+z -z", 2 * spacing)
     legs = [bar((x - 0.03, y - 0.03, 0), (x + 0.03, y + 0.03, low), DARK_OAK)
             for x in (x0 + 0.07, x1 - 0.07) for y in (y0 + 0.07, y1 - 0.07)]  # fmt: skip
-    n, side, angle = 12, 0.52, np.radians(14.0)
-    u, v = side * np.array([np.cos(angle), np.sin(angle), 0]), side * np.array([-np.sin(angle), np.cos(angle), 0])
-    check = np.add.outer(np.arange(n) % 2, np.arange(n) % 2)[..., None]
-    colours = np.select([check == 0, check == 1], [(0.80, 0.76, 0.68), (0.72, 0.36, 0.30)], RED)
-    border = (
-        np.minimum.outer(np.minimum(np.arange(n), n - 1 - np.arange(n)), np.minimum(np.arange(n), n - 1 - np.arange(n))) == 0
-    )
-    colours = np.where(border[..., None], (0.07, 0.16, 0.34), colours)
-    cloth = tiles(np.array([-0.035, -0.02, HEIGHT + CLOTH]) - (u + v) / 2, u, v, (n, n), colours)
     return [
         Object("table-top", top, "contact shadows around all that stands on it"),
         Object("table-frame", merged(sides, *legs), "the table's edges and legs against the floor"),
-        Object("cloth", cloth, "a chequered cloth under the kettle, which fills the lower half of its belly"),
+        Object("cloth", _cloth(), "a chequered cloth under the kettle, which fills the lower half of its belly"),
     ]
+
+
+def _cloth_frame() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Corner and sides of the cloth, float64 [3] each, metres."""
+    side, angle = 0.52, np.radians(14.0)
+    u = side * np.array([np.cos(angle), np.sin(angle), 0.0])
+    v = side * np.array([-np.sin(angle), np.cos(angle), 0.0])
+    return np.array([-0.035, -0.02, HEIGHT + CLOTH]) - 0.5 * (u + v), u, v
+
+
+def _cloth() -> Mesh:
+    """A gingham of two colours, with a blue border."""
+    n = 12
+    threads = np.arange(n) % 2
+    colours = np.array([(0.80, 0.76, 0.68), (0.72, 0.36, 0.30), RED])[threads[:, None] + threads]
+    from_edge = np.minimum(np.arange(n), n - 1 - np.arange(n))
+    border = np.minimum(from_edge[:, None], from_edge) == 0
+    colours[border] = (0.07, 0.16, 0.34)
+    return tiles(*_cloth_frame(), (n, n), colours)
+
+
+def _outside_cloth(top: Mesh) -> Mesh:
+    """The table's top without the faces that lie under the cloth: dark, and so close to it that mirrors mix them up."""
+    corner, u, v = _cloth_frame()
+    share = (top.vertices - corner) @ np.stack([u, v], axis=1) / (u @ u)
+    under = np.all((share > 0) & (share < 1), axis=1)
+    faces = top.faces[~np.all(under[top.faces], axis=1)]
+    used, faces = np.unique(faces, return_inverse=True)
+    return Mesh(top.vertices[used], faces.reshape(-1, 3), top.normals[used], top.albedo[used])
 
 
 CHAIR = (0.287, -0.088, -15.0)
