@@ -37,7 +37,6 @@ class Detail:
     hand   vertices around the palm
     table  distance of base vertices on the table top, metres; closer around what stands there
     wall   distance of base vertices on walls and ceiling, metres
-    back   distance of base vertices on the chair's back, metres
     h_max  longest edge that is drawn, metres
     """
 
@@ -45,13 +44,12 @@ class Detail:
     hand: int
     table: float
     wall: float
-    back: float
     h_max: float
 
 
 DETAILS: dict[str, Detail] = {
-    "lean": Detail(near=12, hand=12, table=0.14, wall=0.6, back=0.25, h_max=0.55),
-    "paper": Detail(near=26, hand=22, table=0.032, wall=0.2, back=0.05, h_max=0.198),
+    "lean": Detail(near=12, hand=12, table=0.14, wall=0.6, h_max=0.62),
+    "paper": Detail(near=26, hand=22, table=0.031, wall=0.22, h_max=0.2),
 }
 
 GLOSSY = "jug"
@@ -92,7 +90,7 @@ def kettle(detail: DetailName = "lean", moving: bool = True) -> Scene:
             *kitchen_room.window(14.0),
             *kitchen_room.lamp((15.0, 12.0, 8.0), d.near),
             *kettle_room.table(d.table, feet),
-            *kettle_room.chair(d.back),
+            *kettle_room.chair(),
             *things,
             *kettle_figure.sitter(d.near, FIGURE, FIGURE_DEG),
             *_arm(d.hand, moving),

@@ -182,25 +182,26 @@ BACK = (0.40, 0.68, 1.14)
 """The chair's back: its width, and the heights between which its panel lies, metres."""
 
 
-def chair(spacing: float) -> list[Object]:
+def chair() -> list[Object]:
     """A chair at the table's right end with its back along the line from the kettle: the rear side is seen from in
-    front of the kettle, not from its axis. `spacing`: distance of base vertices on the back."""
+    front of the kettle, not from its axis. Both sides of the panel have the same lattice and the posts beside it one as
+    fine, so that in a mirror so close to them they stay apart."""
     width, z0, z1 = BACK
-    wood, post = DARK_OAK, 0.036
-    lo = 0.0
-    legs = [bar((x, 0.004, 0), (x + post, post, z1 + 0.03), wood) for x in (lo, width - post)]
-    legs += [bar((x, 0.40, 0), (x + post, 0.40 + post, 0.42), wood) for x in (lo, width - post)]
-    seat = box((lo, 0.01, 0.42), (width, 0.45, 0.455), wood, "-z", bevel=0.006)
-    panel = box((lo + 0.002, 0.0, z0), (width - 0.002, 0.022, z1), OAK, "-y", spacing)
+    wood, post, n, m = DARK_OAK, 0.036, 8, 10
+    spacing = max((width - 0.004) / n, (z1 - z0) / m) + 1e-9
+    parts = []
+    for x in (0.0, width - post):
+        parts.append(bar((x, 0.004, 0), (x + post, post, z0), wood))
+        parts.append(box((x, 0.004, z0), (x + post, post, z1 + 0.03), wood, "-z", 2 * spacing))
+        parts.append(bar((x, 0.40, 0), (x + post, 0.40 + post, 0.42), wood))
+    parts.append(box((0, 0.01, 0.42), (width, 0.45, 0.455), wood, "-z", bevel=0.006))
+    parts.append(box((0.002, 0.0, z0), (width - 0.002, 0.022, z1), OAK, "-y", spacing))
     x, y, turn = CHAIR
-    n, m = 4, 6
-    stripes = (np.add.outer(np.arange(m), np.arange(n)) % 2)[..., None]
-    rear = tiles((lo + 0.002, 0.0, z0), (width - 0.004, 0, 0), (0, 0, z1 - z0), (n, m),
-                 np.where(stripes, (0.85, 0.70, 0.05), (0.50, 0.05, 0.40)))  # fmt: skip
+    check = np.add.outer(np.arange(m) // 2, np.arange(n) // 2) % 2
+    colours = np.array([(0.50, 0.05, 0.40), (0.85, 0.70, 0.05)])[check]
+    rear = tiles((0.002, 0.0, z0), (width - 0.004, 0, 0), (0, 0, z1 - z0), (n, m), colours)
     here = lambda mesh: placed(mesh, (x, y, 0), turn)  # noqa: E731
     return [
-        Object(
-            "chair", here(merged(*legs, seat, panel)), "a chair beside the picture, whose back is edge-on to the kettle's axis"
-        ),
+        Object("chair", here(merged(*parts)), "a chair beside the picture, whose back is edge-on to the kettle's axis"),
         Object("chair-rear", here(rear), "the yellow and purple rear of its back: seen in the kettle's side, and nowhere else"),
     ]

@@ -92,7 +92,7 @@ def first(frame: int, o: np.ndarray, d: np.ndarray) -> tuple[str, float, bool]:
 def test_paper_detail_is_of_the_size_that_the_paper_claims_to_serve():
     scene = built("paper")
     assert scene.vertices == pytest.approx(20_000, rel=0.01)
-    assert refined(scene).vertices == pytest.approx(30_000, rel=0.03)
+    assert refined(scene).vertices == pytest.approx(30_000, rel=0.01)
 
 
 def test_lean_detail_stays_lean():
