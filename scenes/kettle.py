@@ -11,7 +11,9 @@ The mirror is the kettle's body with its lid (`kettle_body`); handle, spout and 
 beside it (`GLOSSY`) is smooth and glazed to look at, for methods that give it a highlight.
 
 The paper states no vertex count for this scene, only that its method serves up to 40,000 polygons. `paper` is made for
-that size: 20,000 vertices as built and about 30,000 after `refined`. `lean` is what the picture needs.
+that size: 20,000 vertices (33,000 triangles) as built and about 30,000 (50,000) after `refined`. `lean` is what the
+picture needs: 11,100 as built, 3,900 of them the kettle's, and 11,600 after `refined`. The chair stays out of pictures
+that are at most 1.4 times as wide as high.
 """
 
 from __future__ import annotations
