@@ -10,6 +10,7 @@ import numpy as np
 import trimesh
 
 from benchharness.scene import Mesh, Reflector
+from scenes.shapes import unit_sphere
 
 ALUMINIUM_ETA = (1.657, 0.880, 0.521)
 ALUMINIUM_K = (9.22, 6.27, 4.84)
@@ -33,7 +34,7 @@ def convex_bowl(at: tuple[float, float, float]) -> Reflector:
     The proxy is the whole ellipsoid, smooth and strictly convex; its lower half is under the table top.
     """
     axes = np.array([RADIUS, RADIUS, CONVEX_HEIGHT])
-    sphere = _sphere(segments=96, rings=49)
+    sphere = unit_sphere(segments=96, rings=49)
     n = sphere.vertices / axes
     closed = Mesh(sphere.vertices * axes + at, sphere.faces, _unit(n))
     return _reflector(_part(closed, closed.vertices[closed.faces][:, :, 2].min(axis=1) > at[2] - 1e-9), closed)
@@ -46,7 +47,7 @@ def concave_bowl(at: tuple[float, float, float], towards: tuple[float, float, fl
     """
     centre = np.add(at, [0.0, 0.0, RADIUS + CONCAVE_WALL + 0.001])
     turn = np.asarray(trimesh.geometry.align_vectors([0, 0, -1], _unit(np.asarray(towards) - centre)))[:3, :3]
-    half = _sphere(segments=96, rings=49)
+    half = unit_sphere(segments=96, rings=49)
     upper = _part(Mesh(half.vertices, half.faces, half.vertices), half.triangles_center[:, 2] > 0)
     n, f, count = upper.vertices, upper.faces, len(upper.vertices)
 
@@ -92,15 +93,6 @@ def torus_top(at: tuple[float, float, float]) -> tuple[float, float]:
 
 def _reflector(mesh: Mesh, closed: Mesh) -> Reflector:
     return Reflector("bowl", mesh, closed, ALUMINIUM_ETA, ALUMINIUM_K)
-
-
-def _sphere(segments: int, rings: int) -> trimesh.Trimesh:
-    """The unit sphere with poles on z and `rings` vertices from pole to pole; an odd number has an equator."""
-    angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, rings)
-    profile = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    profile[[0, -1], 0] = 0.0
-    profile[abs(profile) < 1e-15] = 0.0
-    return trimesh.creation.revolve(profile, sections=segments)
 
 
 def _part(mesh: Mesh, keep: np.ndarray) -> Mesh:

@@ -14,6 +14,7 @@ from itertools import combinations, pairwise
 
 import numpy as np
 import trimesh
+from scipy.interpolate import CubicSpline
 from scipy.spatial import Delaunay
 
 from benchharness.scene import Mesh, merged
@@ -198,6 +199,15 @@ def ball(radius: float, segments: int, rings: int, albedo: Colour, emission: Col
     return replace(mesh, normals=mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True))
 
 
+def unit_sphere(segments: int, rings: int) -> trimesh.Trimesh:
+    """The unit sphere with poles on z and `rings` vertices from pole to pole; an odd number has an equator."""
+    angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, rings)
+    profile = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    profile[[0, -1], 0] = 0.0
+    profile[abs(profile) < 1e-15] = 0.0
+    return trimesh.creation.revolve(profile, sections=segments)
+
+
 def tube(path, radius: float | Sequence[float] | np.ndarray, segments: int, albedo: Colour) -> Mesh:
     """A round tube along `path` [N, 3], closed at both ends; one radius or one for each point."""
     path = np.asarray(path, np.float64)
@@ -227,6 +237,26 @@ def tube(path, radius: float | Sequence[float] | np.ndarray, segments: int, albe
         np.stack([last + k, last + (k + 1) % segments, np.full(segments, len(vertices) - 1)], axis=1),
     ])  # fmt: skip
     return Mesh(vertices, faces, albedo=albedo)
+
+
+def rounded_tube(points, radii, segments: int, albedo: Colour, count: int = 8, cap: int = 3) -> Mesh:
+    """A smooth tube through `points` [N, 3] with `radii` [N], metres, and half spheres for ends that reach `points`' ends.
+
+    count, cap   rings along the tube between its ends, and rings of each end
+
+    Raises ValueError where the two half spheres do not fit between the ends.
+    """
+    points, radii = np.asarray(points, np.float64), np.asarray(radii, np.float64)
+    way = np.r_[0.0, np.linalg.norm(np.diff(points, axis=0), axis=1).cumsum()]
+    a = np.radians(np.linspace(78, 0, cap))
+    first, last = radii[0], radii[-1]
+    if way[-1] <= first + last:
+        raise ValueError(f"rounded_tube: {way[-1]:.4g} m long; accepted: more than its end radii {first:.4g} + {last:.4g} m")
+    ends = first * (1 - np.sin(a)), way[-1] - last * (1 - np.sin(a[::-1]))
+    s = np.concatenate([ends[0], np.linspace(first, way[-1] - last, count + 2)[1:-1], ends[1]])
+    r = np.interp(s, way, radii)
+    r[:cap], r[-cap:] = r[cap - 1] * np.cos(a), r[-cap] * np.cos(a[::-1])
+    return tube(CubicSpline(way, points)(s), r, segments, albedo)
 
 
 def arc(centre, u, v, from_deg: float, to_deg: float, count: int) -> np.ndarray:

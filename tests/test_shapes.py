@@ -8,7 +8,22 @@ import trimesh
 
 from benchharness.scene import Mesh
 from scenes import kitchenware
-from scenes.shapes import arc, ball, bar, box, contact_sheet, lathe, pose, sheet, steps, tiles, tube, with_breaks
+from scenes.shapes import (
+    arc,
+    ball,
+    bar,
+    box,
+    contact_sheet,
+    lathe,
+    pose,
+    rounded_tube,
+    sheet,
+    steps,
+    tiles,
+    tube,
+    unit_sphere,
+    with_breaks,
+)
 
 GREY = (0.5, 0.5, 0.5)
 
@@ -157,3 +172,30 @@ def test_kitchenware_stands_on_its_ground_and_faces_outward(n):
         assert mesh.vertices[:, 2].min() == pytest.approx(0, abs=0.004 if name == "banana" else 1e-9), name
         assert solid(mesh).volume > 0, name
     assert np.allclose(kitchenware.orange(n).vertices.mean(axis=0), 0, atol=1e-3)
+
+
+def test_a_rounded_tube_is_a_cylinder_with_two_half_spheres():
+    r, length = 0.1, 0.5
+    mesh = rounded_tube([(0, 0, 0), (0.2, 0, 0), (length, 0, 0)], [r, r, r], 64, GREY, cap=24)
+    whole = solid(mesh)
+    assert whole.is_watertight
+    assert (mesh.vertices[:, 0].min(), mesh.vertices[:, 0].max()) == pytest.approx((0, length), abs=0.03 * r)
+    # 64 sides lose 1 - sin(2 pi / 64) / (2 pi / 64) = 0.16 % of every cross-section, the caps' ends beyond 78 degrees
+    # less than 0.1 %.
+    expected = np.pi * r**2 * (length - 2 * r) + 4 / 3 * np.pi * r**3
+    assert whole.volume == pytest.approx(expected, rel=0.004)
+    agreement = (whole.face_normals * mesh.normals[mesh.faces].sum(axis=1)).sum(axis=1)
+    assert agreement.min() > 0
+
+
+def test_a_rounded_tube_shorter_than_its_ends_is_refused():
+    with pytest.raises(ValueError, match=r"0.15 m long; accepted: more than its end radii 0.1 \+ 0.06 m"):
+        rounded_tube([(0, 0, 0), (0.15, 0, 0)], [0.1, 0.06], 8, GREY)
+
+
+def test_the_unit_sphere_is_closed_and_has_single_poles_and_an_equator():
+    sphere = unit_sphere(12, 7)
+    assert sphere.is_watertight
+    assert len(sphere.vertices) == 12 * 5 + 2
+    assert np.allclose(np.linalg.norm(sphere.vertices, axis=1), 1, atol=1e-15)
+    assert (sphere.vertices[:, 2] == 0).sum() == 12
