@@ -112,7 +112,7 @@ def mesh(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray) -> Mesh:
     size = mi.Float(float(np.linalg.norm(np.ptp(vertices, axis=0))))
     candidates = mi.UInt32(_spread(vertices, faces).astype(np.uint32))
     dr.make_opaque(size, candidates)
-    scene = mi.load_dict({"type": "scene", "mirror": surface})
+    scene = mi.load_dict({"type": "scene", "embree_use_robust_intersections": True, "mirror": surface})
     return Mesh(scene, mi.Float(packed.ravel()), mi.UInt32(quads.ravel()), candidates, size, is_convex(vertices, faces))
 
 
