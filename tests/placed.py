@@ -1,4 +1,4 @@
-"""Vertices before a mirror's kernels: the eye of the oracles' tests, a picture of 800 px focal length, and answers on the host."""
+"""Vertices before a mirror's kernels: the oracles' eye, a picture with a focal length of 800 px, and answers on the host."""
 
 from __future__ import annotations
 

@@ -199,7 +199,9 @@ def test_a_letter_c_is_refused():
     tube = outward + 0.25 * (np.cos(round_)[..., None] * outward + np.sin(round_)[..., None] * Z)
     a = (np.arange(59)[:, None] * 24 + np.arange(24)).ravel()
     b = (np.arange(59)[:, None] * 24 + np.roll(np.arange(24), -1)).ravel()
-    message = refused(Mesh(tube.reshape(-1, 3), np.concatenate([np.stack([a, a + 24, b + 24], 1), np.stack([a, b + 24, b], 1)])))
+    message = refused(
+        Mesh(tube.reshape(-1, 3), np.concatenate([np.stack([a, a + 24, b + 24], 1), np.stack([a, b + 24, b], 1)]))
+    )
     assert "meet it more than once" in message
     assert 5 < share(message) < 50
 

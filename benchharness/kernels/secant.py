@@ -266,8 +266,8 @@ def outline(star: starmap.StarMap, where: Place, active) -> mi.Point3f:
     R = mi.Point3f(0)
     while dr.hint(active & (step < OUTLINE_HALVINGS), label="find the outline"):
         middle = 0.5 * (low + high)
-        sine, cosine = dr.sincos(middle)
-        u = cosine * to_E + sine * across
+        turn = dr.sincos(middle)
+        u = turn[1] * to_E + turn[0] * across
         r, gradient = starmap.sample(star, u, active)
         R = mi.Point3f(star.centre + r * u)
         turned = star.side * dr.dot(u - gradient, where.eye - R) > 0
