@@ -242,7 +242,7 @@ def test_degenerate_places_are_finite_and_honest(start, stop):
     np.testing.assert_allclose(np.linalg.norm(host(s.R), axis=1), 1, atol=1e-5)
     reflected = np.array([p[1] for p in PLACES.values()])
     assert not converged[~reflected].any()
-    R = np.array([alhazen(EYE, v) for v in V + [1e-12, 0, 0]])
+    R = np.array([alhazen(EYE, v) for v in np.add(V, [1e-12, 0, 0])])
     assert off_px(host(s.R), R)[converged].max() < 2
     assert converged[list(PLACES).index("a million away")]
 
