@@ -106,11 +106,13 @@ def _solve(
     where = placement.place(pose, V, view)
 
     # The mirror between eye and vertex hides it for certain if it is convex.
-    shadow = newton.shadowed(mesh, where, active)
+    sight = newton.look_at(mesh, where, active)
+    shadow = sight.shadow
     searched = active & ~shadow if mesh.convex else mi.Bool(active)
     warm = last.warm & ~vertexwise.was_cut(view, last_view)
-    first = dr.select(warm, last.on, newton.best_candidate(mesh, where, searched & ~warm))
-    walked = newton.walk(mesh, where, first, searched, max_iter)
+    first = dr.select(warm, last.on, newton.best_candidate(mesh, where, searched & ~warm & ~sight.near))
+    first = dr.select(sight.near, sight.on, first)
+    walked = newton.walk(mesh, where, first, searched, max_iter, sight.touches)
 
     behind = shadow | (dr.dot(where.V - walked.R, walked.n) <= 0)
     reflected = walked.converged | (searched & ~behind & (walked.residual < search.STRAY))

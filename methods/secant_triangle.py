@@ -203,7 +203,8 @@ def _solve(
 
     # The mirror between eye and vertex hides it for certain if it is convex.
     rays = options.newton != "off"
-    shadow = newton.shadowed(mesh, where, active) if rays else mi.Bool(False)
+    sight = newton.look_at(mesh, where, active) if rays else None
+    shadow = sight.shadow if sight is not None else mi.Bool(False)
     searched = active & ~shadow if mesh.convex else mi.Bool(active)
 
     # The triangle, and Newton's method after it.
@@ -212,13 +213,14 @@ def _solve(
     s = secant.solve(options.search, star, where, u, warm, searched, tau, max_iter)
     R, n, converged, residual, iterations = s.R, s.n, s.converged, s.residual, s.iterations
     behind = s.behind
-    if rays:
+    if sight is not None:
         goes_on = searched & (mi.Bool(options.newton == "always") | ~s.converged)
-        first, met = newton.located(mesh, star.centre, s.u, goes_on)
-        begins_anew = goes_on & ~(met & s.converged) & ~shadow
+        first, met = newton.located(mesh, star.centre, s.u, goes_on & ~sight.near)
+        begins_anew = goes_on & ~(met & s.converged) & ~sight.near & ~shadow
         first = dr.select(begins_anew, newton.best_candidate(mesh, where, begins_anew), first)
-        goes_on &= met | begins_anew
-        walked = newton.walk(mesh, where, first, goes_on, max_iter)
+        first = dr.select(sight.near, sight.on, first)
+        goes_on &= met | begins_anew | sight.near
+        walked = newton.walk(mesh, where, first, goes_on, max_iter, sight.touches)
         R, n = dr.select(goes_on, walked.R, R), dr.select(goes_on, walked.n, n)
         converged = dr.select(goes_on, walked.converged, converged)
         residual = dr.select(goes_on, walked.residual, residual)

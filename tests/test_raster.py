@@ -41,18 +41,30 @@ def rays(width, height):
     return forward + x[..., None] / focal * right + y[..., None] / focal * down
 
 
-def oracle(vertices, faces, width, height, near=NEAR):
-    """(triangle per pixel or -1, how near the decision was): signed volumes of the ray with each edge, in float64."""
+def oracle(vertices, faces, width, height, near=NEAR, kept=None, least=None):
+    """(triangle per pixel or -1, how near the decision was): signed volumes of the ray with each edge, in float64.
+
+    kept    bool [F], triangles to draw; all if None
+    least   (values [V], floor [H, W]): a second value and what it must reach; of triangles wholly in front of the near plane
+    """
     d = rays(width, height)
     corners = np.asarray(vertices, np.float32).astype(np.float64)[faces] - np.asarray(CAMERA.eye)
     best, winner, margin = np.full(d.shape[:2], np.inf), np.full(d.shape[:2], -1), np.full(d.shape[:2], np.inf)
     for k, (a, b, c) in enumerate(corners):
+        if kept is not None and not kept[k]:
+            continue
         volumes = np.stack([d @ np.cross(b, c), d @ np.cross(c, a), d @ np.cross(a, b)], axis=-1)
         total = volumes.sum(axis=-1)
         weights = volumes / np.where(total == 0, np.inf, total)[..., None]
-        depth = np.where(total == 0, -1, (weights @ np.stack([a, b, c])) @ CAMERA.axes()[2])
+        depths = np.stack([a, b, c]) @ CAMERA.axes()[2]
+        depth = np.where(total == 0, -1, weights @ depths)
         inside = (weights >= 0).all(axis=-1) & (depth > near)
         margin = np.minimum(margin, np.where(depth > 0, np.abs(weights).min(axis=-1), np.inf))
+        if least is not None and (depths > near).all():
+            # Perspective-correct weights times depth are those of the screen, but for their sum.
+            value = weights @ (depths * least[0][faces[k]]) / np.where(depth == 0, np.inf, depth)
+            margin = np.where(inside, np.minimum(margin, np.abs(value - least[1])), margin)
+            inside &= value >= least[1]
         closer = inside & (depth < best)
         margin = np.where(inside & np.isfinite(best), np.minimum(margin, np.abs(depth - best)), margin)
         best, winner = np.where(closer, depth, best), np.where(closer, k, winner)
@@ -149,6 +161,57 @@ def test_culling_keeps_what_runs_counter_clockwise_seen_from_the_eye():
     assert (drawn(vertices, front, 64, 48, cull="back", tag=raster.CLOSED) == 0).any()
     assert (drawn(vertices, back, 64, 48, cull="back", tag=raster.CLOSED) == -1).all()
     assert (drawn(vertices, back, 64, 48, cull="back") == 0).any()  # an open sheet has two sides
+
+
+@pytest.mark.parametrize(("count", "spread", "size"), [(300, 0.8, 0.1), (30, 0.5, 1.0), (12, 1.0, 3.0)])
+def test_culling_the_front_leaves_the_nearest_back(count, spread, size):
+    vertices, faces = soup(count, count, spread, size)
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    away = (np.cross(b - a, c - a) * (a - CAMERA.eye)).sum(axis=1) > 0  # clockwise seen from the eye
+    assert 0.2 < away.mean() < 0.8
+    expected, margin = oracle(vertices, faces, 160, 120, kept=away)
+    for tag in (0, raster.CLOSED):
+        got = drawn(vertices, faces, 160, 120, cull="front", tag=tag)
+        clear = margin > 1e-4
+        assert clear.mean() > 0.97
+        assert (got == expected)[clear].all()
+
+
+@pytest.mark.parametrize(("count", "spread", "size"), [(300, 0.8, 0.1), (30, 0.5, 1.0), (12, 1.0, 3.0)])
+def test_a_second_value_is_linear_on_the_screen_and_drawn_where_it_reaches_the_floor(count, spread, size):
+    vertices, faces = soup(count, count, spread, size)
+    values = np.random.default_rng(count).uniform(-1, 1, len(vertices)).astype(np.float32).astype(np.float64)
+    y, x = np.mgrid[:120, :160]
+    floor = (0.5 * np.sin(0.11 * x) * np.cos(0.07 * y)).astype(np.float32).astype(np.float64)
+    expected, margin = oracle(vertices, faces, 160, 120, least=(values, floor))
+    least = mi.Float(values), mi.Float(floor.ravel())
+    got = drawn(vertices, faces, 160, 120, least=least)
+    # Planes of triangles that are seen nearly edge-on lose digits.
+    clear = margin > 1e-3
+    assert clear.mean() > 0.8
+    assert ((got != expected) & clear).sum() <= 1
+    without, _ = oracle(vertices, faces, 160, 120)
+    assert ((expected != without) & clear).sum() > 500
+    assert ((expected != without) & (expected >= 0) & clear).sum() > 100  # and what lies behind shows
+    # Together with a stencil, both hold.
+    shut = (x + y) % 2 == 0
+    both = drawn(vertices, faces, 160, 120, least=least, limit=mi.Float(np.where(shut, 0, 1e9).astype(np.float32).ravel()))
+    assert (both == np.where(shut, -1, got)).all()
+
+
+def test_a_second_value_equal_to_the_floor_is_drawn():
+    vertices, faces = np.array([[-9, 0, -9], [9, 0, -9], [0, 0, 18]], float), np.array([[0, 1, 2]])
+    floor = dr.full(mi.Float, 2.0, 48 * 64)
+    for value, drawn_there in ((2.0, 0), (1.999, -1), (2.001, 0)):
+        picture = drawn(vertices, faces, 64, 48, least=(dr.full(mi.Float, value, 3), floor))
+        assert (picture == drawn_there).all()
+
+
+def test_a_triangle_through_the_near_plane_passes_any_floor():
+    vertices = np.array([[-2.0, 2.0, -0.7], [2.0, 2.0, -0.5], [0.1, -9.0, -0.6]])
+    faces = np.array([[0, 1, 2]])
+    least = dr.full(mi.Float, -5.0, 3), dr.full(mi.Float, 7.0, 160 * 120)
+    assert (drawn(vertices, faces, 160, 120, least=least) == drawn(vertices, faces, 160, 120)).all()
 
 
 def test_a_limit_is_a_stencil_and_a_surface_behind_which_everything_lies():

@@ -30,12 +30,13 @@ def coloured(mesh):
     return dataclasses.replace(mesh, radiance=smooth(5 * mesh.vertices))
 
 
-def draw(made, moved, kind, at, cut: bool, whole: bool = False):
+def draw(made, moved, kind, at, hidden="cut", depth="perspective", whole=False, behind=False):
     """What mirror 0 shows of `made`: L [P, 3], distance [P], covered [P], and the frame.
 
     In the frame, the objects hide no mirror unless `whole`.
 
-    moved, at [V, 3], kind [V]: virtual positions, reflection points and kinds of the vertices of the objects
+    moved, at [V, 3], kind [V]     virtual positions, reflection points and kinds of the vertices of the objects
+    hidden, depth, behind          `virtual.Drawing`
     """
     frame = FrameRenderer(made if whole else dataclasses.replace(made, objects=()), WIDTH, HEIGHT).render(0)
     lit = [(o.mesh.vertices, o.mesh.radiance, o.mesh.faces) for o in made.objects]
@@ -47,10 +48,11 @@ def draw(made, moved, kind, at, cut: bool, whole: bool = False):
     part = dr.opaque(mi.UInt32, len(made.objects))
     window = search.window(frame.view, frame.boxes[0], 1.0)
     texels = search.render(frame.proxies[0], frame.poses, dr.opaque(mi.UInt32, 0), window.view)
+    back = virtual.nearest_back(frame.proxies[0], frame.poses, dr.opaque(mi.UInt32, 0), frame.view) if behind else None
     L, distance, covered = virtual.draw(
         virtual.Images(mi.Float(packets.ravel()), mi.Float(points.ravel())), triangles, part, frame.view, frame.p,
-        frame.reflector, dr.opaque(mi.Int32, 0), virtual.Drawing("cut" if cut else "keep"),
-        virtual.Picture(texels, window.view),
+        frame.reflector, dr.opaque(mi.Int32, 0), virtual.Drawing(hidden, depth, behind),
+        virtual.Picture(texels, window.view), back,
     )  # fmt: skip
     return np.array(L).T, np.array(distance), np.array(covered), frame
 
@@ -83,14 +85,15 @@ def depth_of_sheet(made):
         return -made.camera(0.0).eye[1] / d[:, 1], d
 
 
-@pytest.mark.parametrize("cut", [True, False])
-def test_a_plane_mirror_shows_the_mirrored_scene(cut):
+@pytest.mark.parametrize("behind", [False, True])
+@pytest.mark.parametrize("hidden", ["cut", "keep", "drop"])
+def test_a_plane_mirror_shows_the_mirrored_scene(hidden, behind):
     objects = (
         Object("block", coloured(box((-0.7, -1.0, -0.5), (-0.1, -0.4, 0.3))), shows="corners"),
         Object("slab", coloured(quad((0.0, -1.6, -0.6), (0.8, 0.3, 0), (0, 0.2, 0.9))), shows="an open sheet"),
     )
     made = scene(objects, (SHEET,), CAMERA)
-    L, distance, covered, frame = draw(made, *in_the_plane(vertices_of(made)), cut)
+    L, distance, covered, frame = draw(made, *in_the_plane(vertices_of(made)), hidden, behind=behind)
     active = np.array(frame.active)
     depth, d = depth_of_sheet(made)
     part, p, _, radiance, clear = first_hits(mirrored(made), 0.0, WIDTH, HEIGHT, beyond=depth)
@@ -105,8 +108,9 @@ def test_a_plane_mirror_shows_the_mirrored_scene(cut):
     assert (L[~covered] == 0).all() and (distance[~covered] == 0).all()
 
 
+@pytest.mark.parametrize("behind", [False, True])
 @pytest.mark.parametrize("touching", ["enters", "stands on"])
-def test_what_touches_a_mirror_meets_its_image_without_a_gap(touching):
+def test_what_touches_a_mirror_meets_its_image_without_a_gap(touching, behind):
     back = 0.35 if touching == "enters" else 0.0
     block = coloured(box((-0.45, -0.7, -0.35), (0.3, back, 0.25)))
     made = scene((Object("block", block, shows="contact"),), (SHEET,), still(tuple(ASIDE), (0.0, -0.2, 0.0), 35.0))
@@ -115,7 +119,7 @@ def test_what_touches_a_mirror_meets_its_image_without_a_gap(touching):
     if touching == "stands on":  # at the plane itself a search may call a vertex either
         kind = np.where(V[:, 1] == 0, virtual.HIDDEN, kind)
     moved[kind == virtual.HIDDEN] = [50.0, -1.0, 30.0]  # wherever: a cut triangle does not go there
-    L, _, covered, frame = draw(made, moved, kind, at, True, whole=True)
+    L, _, covered, frame = draw(made, moved, kind, at, whole=True, behind=behind)
     depth, _ = depth_of_sheet(made)
     part, _, _, radiance, clear = first_hits(mirrored(made), 0.0, WIDTH, HEIGHT, beyond=depth)
     expected = np.array(frame.active) & (part >= 0)
@@ -134,16 +138,35 @@ def border_of(mask):
     return maximum_filter(mask, 3) & ~minimum_filter(mask, 3)
 
 
-@pytest.mark.parametrize("cut", [True, False])
-def test_hidden_triangles_and_those_with_a_lost_vertex_draw_nothing(cut):
+@pytest.mark.parametrize("hidden", ["cut", "keep", "drop"])
+def test_hidden_triangles_and_those_with_a_lost_vertex_draw_nothing(hidden):
     made = scene((Object("block", coloured(box((-0.7, -1.0, -0.5), (0.5, -0.4, 0.3))), shows="much"),), (SHEET,), CAMERA)
     moved, kind, at = in_the_plane(vertices_of(made))
-    assert draw(made, moved, kind, at, cut)[2].sum() > 300
-    assert not draw(made, moved, np.full_like(kind, virtual.HIDDEN), at, cut)[2].any()
-    assert not draw(made, moved, np.full_like(kind, virtual.NONE), at, cut)[2].any()
+    assert draw(made, moved, kind, at, hidden)[2].sum() > 300
+    assert not draw(made, moved, np.full_like(kind, virtual.HIDDEN), at, hidden)[2].any()
+    assert not draw(made, moved, np.full_like(kind, virtual.NONE), at, hidden)[2].any()
     # One vertex of each face's pair of triangles lost: at most the other triangle is left.
     lost = np.where(np.arange(len(kind)) % 4 == 0, virtual.NONE, kind)
-    assert not draw(made, moved, lost, at, cut)[2].any()
+    assert not draw(made, moved, lost, at, hidden)[2].any()
+
+
+def test_dropped_triangles_are_those_with_a_hidden_vertex_and_no_others():
+    sheet = coloured(subdivided(quad((-0.7, -1.2, -0.6), (1.3, 1.7, 0.1), (0.1, 0.2, 1.0)), 0.3))
+    made = scene((Object("sheet", sheet, shows="a border"),), (SHEET,), CAMERA)
+    moved, kind, at = in_the_plane(sheet.vertices)
+    moved[kind == virtual.HIDDEN] = [0.3, 2.0, 0.1]  # would be seen
+    whole = (kind[sheet.faces] == virtual.REFLECTED).all(axis=1)
+    assert 0.2 < whole.mean() < 0.8
+    left = dataclasses.replace(sheet, faces=sheet.faces[whole])
+    L, _, covered, frame = draw(made, moved, kind, at, "drop")
+    depth, _ = depth_of_sheet(made)
+    rest = dataclasses.replace(made, objects=(Object("rest", left, shows="a border"),))
+    part, _, _, radiance, clear = first_hits(mirrored(rest), 0.0, WIDTH, HEIGHT, beyond=depth)
+    expected = np.array(frame.active) & (part >= 0)
+    assert expected.sum() > 300
+    np.testing.assert_array_equal(covered[clear], expected[clear])
+    np.testing.assert_allclose(L[expected & clear], radiance[expected & clear], atol=2e-5)
+    assert covered.sum() < 0.95 * draw(made, moved, kind, at, "cut")[2].sum()
 
 
 def test_an_image_behind_the_eye_draws_nothing():
@@ -153,7 +176,7 @@ def test_an_image_behind_the_eye_draws_nothing():
     for vertex, left in ((1, True), (0, False)):
         behind = moved.copy()
         behind[vertex] = EYE - np.array([0.0, 1.0, 0.0])
-        assert draw(made, behind, kind, at, True)[2].any() == left
+        assert draw(made, behind, kind, at)[2].any() == left
 
 
 def test_a_closed_thing_around_the_mirror_shows_no_backs_and_an_open_one_does():
@@ -163,7 +186,7 @@ def test_a_closed_thing_around_the_mirror_shows_no_backs_and_an_open_one_does():
         made = scene((Object("shell", mesh, shows="backs"),), (SHEET,), CAMERA)
         moved, kind, at = in_the_plane(vertices_of(made))
         at = np.zeros_like(at)
-        assert draw(made, moved, np.full_like(kind, virtual.REFLECTED), at, True)[2].any() == some
+        assert draw(made, moved, np.full_like(kind, virtual.REFLECTED), at)[2].any() == some
 
 
 def on_the_sphere(V):
@@ -192,7 +215,7 @@ def test_a_sheet_across_the_edge_of_a_mirrors_shadow_is_shown_up_to_the_outline(
     made = scene((Object("sheet", sheet, shows="a border"),), (globe,), still(tuple(EYE), (-0.72, -0.3, 0.5), 14.0))
     moved, kind, at = on_the_sphere(sheet.vertices)
     assert 0.2 < (kind == virtual.HIDDEN).mean() < 0.8
-    _, _, covered, frame = draw(made, moved, kind, at, True)
+    _, _, covered, frame = draw(made, moved, kind, at)
     active = np.array(frame.active)
 
     d = unit(rays(made.camera(0.0), WIDTH, HEIGHT))
@@ -215,6 +238,6 @@ def test_only_the_mirrors_own_pixels_are_drawn_on():
     whole = quad((-3, -1, -3), (6, 0, 0), (0, 0, 6))
     made = scene((Object("wall", plain(whole, (1, 1, 1)), shows="everywhere"),), (SHEET, other), CAMERA)
     moved, kind, at = in_the_plane(vertices_of(made))
-    *_, covered, frame = draw(made, moved, kind, at, True)
+    *_, covered, frame = draw(made, moved, kind, at)
     np.testing.assert_array_equal(covered, np.array(frame.reflector) == 0)
     assert (np.array(frame.reflector) == 1).any()

@@ -29,8 +29,9 @@ LONGEST = 0.25  # of the mirror's size; a step that would be longer is cut
 LEAST_DAMPING = 1 / 64
 TOLERANCE = 0.004  # pixels; a search whose next step would be shorter has arrived
 TRUSTED = 0.25  # pixels; longest next step of an answer that calls itself converged
-TOUCHING = 1e-4  # of the mirror's size; what lies less deep than this behind the surface is on it
 NEAREST = 1e-5  # of the mirror's size; a vertex nearer to the mirror than this touches it
+SHADOWED = 1e-4  # of the mirror's size; a vertex is in the mirror's shadow if it is this much behind where its ray meets it
+CLOSE = 1e-2  # of the mirror's size; a vertex this much in front of where its ray meets the mirror is reflected near there
 
 
 @dataclass
@@ -68,7 +69,7 @@ class Solution:
     on          where on the mesh the walk ended
     R, n        that point and its unit normal
     converged   it is a reflection point: within a quarter pixel, with E and V in front
-    residual    |half vector - normal|
+    residual    |half vector - normal|; 0 where V touches the mirror, and there is no half vector
     iterations  points at which normal and half vector were compared; 0 for inactive lanes
     """
 
@@ -113,7 +114,7 @@ def mesh(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray) -> Mesh:
     size = mi.Float(float(np.linalg.norm(np.ptp(vertices, axis=0))))
     candidates = mi.UInt32(_spread(vertices, faces).astype(np.uint32))
     dr.make_opaque(size, candidates)
-    scene = mi.load_dict({"type": "scene", "mirror": surface})
+    scene = mi.load_dict({"type": "scene", "embree_use_robust_intersections": True, "mirror": surface})
     return Mesh(scene, mi.Float(packed.ravel()), mi.UInt32(quads.ravel()), candidates, size, is_convex(vertices, faces))
 
 
@@ -212,13 +213,14 @@ def _moved(mirror: Mesh, on: Where, at: Point, damping, active) -> tuple[Where, 
 
 
 @dr.syntax
-def walk(mirror: Mesh, where: Place, first: Where, active, max_iter) -> Solution:
-    """Newton's steps from `first` until the next one would be shorter than TOLERANCE."""
+def walk(mirror: Mesh, where: Place, first: Where, active, max_iter, touches=False) -> Solution:
+    """Newton's steps from `first` until the next one would be shorter than TOLERANCE. What `touches` the mirror there is
+    reflected there."""
     on = Where(mi.UInt32(first.triangle), mi.Point2f(first.b))
     at = look(mirror, where, on, active)
     damping = mi.Float(1)
     iterations = mi.UInt32(1)
-    running = active & (at.pixels > TOLERANCE) & (iterations < max_iter)
+    running = active & ~mi.Bool(touches) & (at.pixels > TOLERANCE) & (iterations < max_iter)
     while dr.hint(running, label="walk along the mirror"):
         there, stayed = _moved(mirror, on, at, damping, running)
         new = look(mirror, where, there, running & stayed)
@@ -227,8 +229,8 @@ def walk(mirror: Mesh, where: Place, first: Where, active, max_iter) -> Solution
         on, at = dr.select(better, there, on), dr.select(better, new, at)
         damping = dr.select(better, dr.minimum(1, 2 * damping), 0.5 * damping)
         running &= (at.pixels > TOLERANCE) & (damping >= LEAST_DAMPING) & (iterations < max_iter)
-    converged = active & at.front & (at.pixels < TRUSTED)
-    return Solution(on, at.P, at.N, converged, at.f, dr.select(active, iterations, 0))
+    converged = active & dr.select(touches, dr.dot(at.N, where.eye - at.P) > 0, at.front & (at.pixels < TRUSTED))
+    return Solution(on, at.P, at.N, converged, dr.select(touches, 0, at.f), dr.select(active, iterations, 0))
 
 
 @dr.syntax
@@ -255,13 +257,36 @@ def located(mirror: Mesh, centre: mi.Point3f, u: mi.Vector3f, active) -> tuple[W
     return Where(dr.select(met, hit.prim_index, 0), mi.Point2f(dr.select(met, hit.prim_uv, 0))), met
 
 
-def shadowed(mirror: Mesh, where: Place, active) -> mi.Bool:
-    """Whether the mirror stands between E and V. V on the mirror is not in its shadow."""
+@dataclass
+class Sight:
+    """What the ray from E through V meets.
+
+    shadow   the mirror, before it comes to V; V on the mirror is not in its shadow
+    near     the mirror, close behind V: there a walk should start, for V's reflection point is not far, and the half vector
+             changes within as little as V is above the mirror
+    touches  the mirror, in V
+    on       where it does, defined for the last two
+    """
+
+    shadow: mi.Bool
+    near: mi.Bool
+    touches: mi.Bool
+    on: Where
+
+
+def look_at(mirror: Mesh, where: Place, active) -> Sight:
+    """What the eye sees in the direction of each vertex."""
     d = where.V - where.eye
     length = dr.norm(d)
     ray = mi.Ray3f(where.eye, d * dr.rcp(dr.maximum(length, 1e-20)))
-    ray.maxt = length - TOUCHING * mirror.size
-    return mirror.scene.ray_test(ray, coherent=True, active=active)
+    ray.maxt = length + CLOSE * mirror.size
+    hit = mirror.scene.ray_intersect_preliminary(ray, coherent=True, active=active)
+    met = active & hit.is_valid()
+    before = dr.select(met, length - hit.t, -dr.inf)
+    shadow = before > SHADOWED * mirror.size
+    near = met & ~shadow & (before > -CLOSE * mirror.size)
+    on = Where(dr.select(near, hit.prim_index, 0), mi.Point2f(dr.select(near, hit.prim_uv, 0)))
+    return Sight(shadow, near, near & (dr.abs(before) < NEAREST * mirror.size), on)
 
 
 @dataclass
@@ -277,7 +302,7 @@ class Shadow:
         d = where.V - where.eye
         length = dr.norm(d)
         ray = mi.Ray3f(where.eye, d * dr.rcp(dr.maximum(length, 1e-20)))
-        ray.maxt = length - TOUCHING * self.mesh.size
+        ray.maxt = length - SHADOWED * self.mesh.size
         hit = self.mesh.scene.ray_intersect_preliminary(ray, coherent=True, active=active)
         depth = dr.dot(view.w, mi.Vector4f(x.x, x.y, x.z, 1)) * hit.t * dr.rcp(dr.maximum(length, 1e-20))
         return hit.is_valid(), depth

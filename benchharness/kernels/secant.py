@@ -89,8 +89,10 @@ def evaluate(kind: str, star: starmap.StarMap, where: Place, u: mi.Vector3f, act
 
 
 def directions_of(star: starmap.StarMap, where: Place) -> tuple[mi.Vector3f, mi.Vector3f]:
-    """Directions from the centre to V and to E."""
-    return unit(where.V - star.centre), unit(where.eye - star.centre)
+    """Directions from the centre to V and to E; up for an eye in the centre, towards the eye for a vertex there."""
+    to_V, to_E = unit(where.V - star.centre), unit(where.eye - star.centre)
+    to_E = dr.select(dr.squared_norm(to_E) > 0.5, to_E, mi.Vector3f(0, 0, 1))
+    return dr.select(dr.squared_norm(to_V) > 0.5, to_V, to_E), to_E
 
 
 def near_answer(star: starmap.StarMap, where: Place, active) -> mi.Vector3f:
@@ -104,7 +106,7 @@ def near_answer(star: starmap.StarMap, where: Place, active) -> mi.Vector3f:
     for p, u in ((where.V, to_V), (where.eye, to_E)):
         distance = dr.norm(p - star.centre)
         height = dr.abs(distance - starmap.sample(star, u, active)[0])
-        share.append(height / dr.maximum(distance, 1e-20))
+        share.append(height / dr.maximum(distance, 1e-6 * height))
     mixed = to_V * share[1] + to_E * share[0]
     return dr.select(dr.squared_norm(mixed) > 1e-12, unit(mixed), to_E)
 
@@ -256,11 +258,16 @@ def solve(
 def outline(star: starmap.StarMap, where: Place, active) -> mi.Point3f:
     """The point of the mirror's outline, as the eye sees it, between the directions to E and to V; mirror's space."""
     to_V, to_E = directions_of(star, where)
-    low, high, step = mi.Float(0), mi.Float(1), mi.UInt32(0)
+    cosine = dr.clip(dr.dot(to_V, to_E), -1, 1)
+    across = to_V - cosine * to_E
+    opposite = dr.squared_norm(across) < 1e-10  # then any way round leads there
+    across = dr.select(opposite, mi.coordinate_system(to_E)[0], unit(across))
+    low, high, step = mi.Float(0), dr.acos(cosine), mi.UInt32(0)
     R = mi.Point3f(0)
     while dr.hint(active & (step < OUTLINE_HALVINGS), label="find the outline"):
         middle = 0.5 * (low + high)
-        u = unit(dr.lerp(to_E, to_V, middle))
+        turn = dr.sincos(middle)
+        u = turn[1] * to_E + turn[0] * across
         r, gradient = starmap.sample(star, u, active)
         R = mi.Point3f(star.centre + r * u)
         turned = star.side * dr.dot(u - gradient, where.eye - R) > 0
