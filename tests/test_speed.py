@@ -18,7 +18,7 @@ from benchharness import reference
 from benchharness.bake import bake
 from benchharness.scene import Scene, refined
 from benchharness.speed import __main__ as speed
-from benchharness.speed import embree, llvmpipe, rivals, stage, tessellation
+from benchharness.speed import embree, iterations, llvmpipe, rivals, stage, tessellation
 
 SIZE = (48, 32)
 FRAME = 2
@@ -224,6 +224,27 @@ def test_the_study_sees_the_error_fall_with_the_vertices(room, tmp_path):
     assert all(fit["points"] == 2 for fit in found.fits) and {fit["method"] for fit in found.fits} == names
     assert len(found.samples) == 2 * len(found.rows)
     tessellation.chart(found, tmp_path / "chart.png")
+    assert (tmp_path / "chart.png").stat().st_size > 10_000
+
+
+# Iterations
+
+
+def test_iterations_are_counted_and_shown_where_the_mirror_shows_them(room, tmp_path):
+    cases = iterations.study(room, (96, 64), FRAME, lambda text: None)
+    rows = {case.name: case.row() for case in cases}
+    assert list(rows) == [name for name, *_ in iterations.CASES]
+    paper, ours = rows["Roger and Holzschuch, cold"], rows["secant_triangle, cold"]
+    assert 3 <= paper["mean"] <= 10 and paper["at_most_20"] > 0.9  # as the paper says; fewer where pixels are large
+    assert rows["newton, warm"]["mean"] < rows["newton, cold"]["mean"] < ours["mean"] < paper["mean"]
+    mirror = np.array(stage.Stage(room, (96, 64), FRAME).frame.active).reshape(64, 96)
+    for case in cases:
+        shown = np.isfinite(case.picture)
+        assert shown[mirror].mean() > 0.8 and not shown[~mirror].any()
+        # What is drawn is interpolated between vertices: never more than the most, nor less than the least.
+        assert case.iterations.min() - 1e-3 <= case.picture[shown].min()
+        assert case.picture[shown].max() <= case.iterations.max() + 1e-3
+    iterations.chart(cases, tmp_path / "chart.png")
     assert (tmp_path / "chart.png").stat().st_size > 10_000
 
 

@@ -24,7 +24,8 @@ from benchharness.kernels import geometry, raster, search
 from benchharness.kernels.frozen import frozen
 
 NONE, REFLECTED, HIDDEN = 0, 1, 2
-HALVINGS = 10  # of an edge, to find where it enters the hidden region: a thousandth of its length
+HALVINGS = 10  # of an edge, at most, to find where it enters the hidden region: a thousandth of its length, and
+PRECISION = 0.25  # pixels that it is seen long at most
 BEHIND = 2.0  # pixels, seen from the side: what is hidden deeper than this behind the mirror does not go into it
 CONTACT = 1e-3  # share of the mirror's depth by which an image may lie in front of it: what touches a mirror is at its depth
 
@@ -219,7 +220,10 @@ def _cut(points, carried: list, inner, outer, hider, view, active):
     a, b = dr.gather(mi.Vector4f, points, inner, active), dr.gather(mi.Vector4f, points, outer, active)
     low, high = mi.Float(0), mi.Float(1)
     step, met = mi.UInt32(0), mi.Float(0)
-    while dr.hint(active & (step < HALVINGS), label="find where an edge enters the hidden region"):
+    length = dr.norm(_pixel(view, a) - _pixel(view, b))
+    while dr.hint(
+        active & (step < HALVINGS) & ((high - low) * length > PRECISION), label="find where an edge enters the hidden region"
+    ):
         middle = 0.5 * (low + high)
         x = dr.lerp(a, b, middle)
         behind, surface = hider.hides(mi.Point3f(x.x, x.y, x.z), view, active)
@@ -233,7 +237,6 @@ def _cut(points, carried: list, inner, outer, hider, view, active):
     depth = dr.select(met > 0, met, own)
     focal = dr.rcp(dr.norm(view.right))
     far_behind = (own - depth) * focal > BEHIND * own
-    length = dr.norm(_pixel(view, a) - _pixel(view, b))
     high -= dr.select(far_behind, dr.minimum(dr.rcp(dr.maximum(length, 1e-6)), 0.5 * high), 0)
     x = dr.lerp(a, b, high)
     there = [dr.lerp(*(dr.gather(mi.Vector4f, packets, i, active) for i in (inner, outer)), high) for packets in carried]

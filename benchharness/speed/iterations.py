@@ -107,7 +107,8 @@ def chart(cases: list[Case], path: Path) -> None:
     for k, case in enumerate(cases):
         above, below = panels[2 * (k // columns), k % columns], panels[2 * (k // columns) + 1, k % columns]
         image = above.imshow(case.picture[box], cmap="viridis", vmin=1, vmax=MOST_SHOWN)
-        above.set(title=case.name, xticks=[], yticks=[])
+        above.set(xticks=[], yticks=[])
+        above.set_title(case.name, fontsize=9)
         bins = np.arange(0.5, MOST_SHOWN + 1.5)
         share = np.full(len(case.iterations), 1 / len(case.iterations))
         below.hist(np.minimum(case.iterations, MOST_SHOWN), bins=list(bins), color="#0072B2", weights=share)
