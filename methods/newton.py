@@ -22,7 +22,7 @@ from pydantic import Field
 from benchharness.api import Frame, Method, Reflection, Vertices, View
 from benchharness.kernels import newton, optics, placement, search, vertexwise, virtual
 from benchharness.kernels.frozen import frozen
-from benchharness.scene import Scene
+from benchharness.scene import Reflector, Scene
 
 WIDENING = 1.25  # of tan(fov / 2), of the mirror's picture that tells where vertices become hidden
 
@@ -69,9 +69,7 @@ class Newton(Method):
     paper: ClassVar[str] = "Jakob and Marschner 2012"
 
     def prepare(self, scene: Scene) -> State:
-        meshes = [reflector.closed or reflector.mesh for reflector in scene.reflectors]
-        mirrors = [newton.mesh(mesh.vertices, mesh.normals, mesh.faces) for mesh in meshes]
-        return State(vertexwise.scenery(scene), mirrors, [], None)
+        return State(vertexwise.scenery(scene), [_mesh(reflector) for reflector in scene.reflectors], [], None)
 
     def update(self, state: State, frame: Frame) -> State:
         return State(vertexwise.posed(state.scenery, frame), state.mirrors, state.ends, state.view)
@@ -97,6 +95,16 @@ class Newton(Method):
         shown = vertexwise.shown(seen, frame, solve)
         reflection = Reflection(shown.L, shown.distance, shown.found, Vertices(**shown.report), shown.counters)
         return reflection, State(seen, state.mirrors, shown.ends, frame.view)
+
+
+def _mesh(reflector: Reflector) -> newton.Mesh:
+    """The closed stand-in if it is convex: then it has no more reflections than the sheet that is seen, and no rim. Else the
+    sheet: on a bowl's wall or the inside of a ring, walks would end on sides that the eye never sees."""
+    if reflector.closed is not None:
+        closed = newton.mesh(reflector.closed.vertices, reflector.closed.normals, reflector.closed.faces)
+        if closed.convex:
+            return closed
+    return newton.mesh(reflector.mesh.vertices, reflector.mesh.normals, reflector.mesh.faces)
 
 
 @frozen

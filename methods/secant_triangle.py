@@ -215,7 +215,7 @@ def _solve(
     if sight is not None:
         goes_on = searched & (mi.Bool(options.newton == "always") | ~s.converged)
         first, met = newton.located(mesh, star.centre, s.u, goes_on & ~sight.near)
-        begins_anew = goes_on & ~(met & s.converged) & ~sight.near & ~shadow
+        begins_anew = goes_on & ~(met & s.converged) & ~sight.near
         first = dr.select(begins_anew, newton.best_candidate(mesh, where, begins_anew), first)
         first = dr.select(sight.near, sight.on, first)
         goes_on &= met | begins_anew | sight.near
@@ -224,7 +224,7 @@ def _solve(
         converged = dr.select(goes_on, walked.converged, converged)
         residual = dr.select(goes_on, walked.residual, residual)
         iterations += walked.iterations
-        behind = shadow | (active & ~converged & (dr.dot(where.V - R, n) <= 0))
+        behind = active & ~converged & (shadow | (dr.dot(where.V - R, n) <= 0))
     reflected = searched & ~behind & (converged | (residual < search.STRAY))
     hidden = active & (behind | shadow) & ~reflected
     u = placement.unit(R - star.centre)
