@@ -22,7 +22,7 @@ from pydantic import Field
 from benchharness.api import Frame, Method, Reflection, Vertices, View
 from benchharness.kernels import newton, optics, placement, search, vertexwise, virtual
 from benchharness.kernels.frozen import frozen
-from benchharness.scene import Scene
+from benchharness.scene import Reflector, Scene
 
 
 @dataclass
@@ -67,9 +67,7 @@ class Newton(Method):
     paper: ClassVar[str] = "Jakob and Marschner 2012"
 
     def prepare(self, scene: Scene) -> State:
-        meshes = [reflector.closed or reflector.mesh for reflector in scene.reflectors]
-        mirrors = [newton.mesh(mesh.vertices, mesh.normals, mesh.faces) for mesh in meshes]
-        return State(vertexwise.scenery(scene), mirrors, [], None)
+        return State(vertexwise.scenery(scene), [_mesh(reflector) for reflector in scene.reflectors], [], None)
 
     def update(self, state: State, frame: Frame) -> State:
         return State(vertexwise.posed(state.scenery, frame), state.mirrors, state.ends, state.view)
@@ -94,6 +92,16 @@ class Newton(Method):
         return reflection, State(seen, state.mirrors, shown.ends, frame.view)
 
 
+def _mesh(reflector: Reflector) -> newton.Mesh:
+    """The closed stand-in if it is convex: then it has no more reflections than the sheet that is seen, and no rim. Else the
+    sheet: on a bowl's wall or the inside of a ring, walks would end on sides that the eye never sees."""
+    if reflector.closed is not None:
+        closed = newton.mesh(reflector.closed.vertices, reflector.closed.normals, reflector.closed.faces)
+        if closed.convex:
+            return closed
+    return newton.mesh(reflector.mesh.vertices, reflector.mesh.normals, reflector.mesh.faces)
+
+
 @frozen
 def _solve(
     points, shown_parts, mesh: newton.Mesh, pose: list, part, view: View, last_view: View, last: Ends, count: int, max_iter
@@ -110,11 +118,12 @@ def _solve(
     shadow = sight.shadow
     searched = active & ~shadow if mesh.convex else mi.Bool(active)
     warm = last.warm & ~vertexwise.was_cut(view, last_view)
-    first = dr.select(warm, last.on, newton.best_candidate(mesh, where, searched & ~warm & ~sight.near))
-    first = dr.select(sight.near, sight.on, first)
+    first, promising = newton.best_candidate(mesh, where, searched & ~warm & ~sight.near)
+    first = dr.select(sight.near, sight.on, dr.select(warm, last.on, first))
+    searched &= warm | promising | sight.near
     walked = newton.walk(mesh, where, first, searched, max_iter, sight.touches)
 
-    behind = shadow | (dr.dot(where.V - walked.R, walked.n) <= 0)
+    behind = shadow | ~searched | (dr.dot(where.V - walked.R, walked.n) <= 0)
     reflected = walked.converged | (searched & ~behind & (walked.residual < search.STRAY))
     hidden = active & behind & ~reflected
     R, n = placement.point_to_world(pose, walked.R), placement.normal_to_world(pose, walked.n)

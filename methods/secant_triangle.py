@@ -206,26 +206,27 @@ def _solve(
     sight = newton.look_at(mesh, where, active) if rays else None
     shadow = sight.shadow if sight is not None else mi.Bool(False)
     searched = active & ~shadow if mesh.convex else mi.Bool(active)
+    triangle = active & ~shadow  # what is in the shadow of another mirror may be reflected, but not near where a sphere would
 
     # The triangle, and Newton's method after it.
     warm = last.warm & ~vertexwise.was_cut(view, last_view)
     u = dr.gather(mi.Vector3f, last.u, lane)
-    s = secant.solve(options.search, star, where, u, warm, searched, tau, max_iter)
+    s = secant.solve(options.search, star, where, u, warm, triangle | (searched & warm), tau, max_iter)
     R, n, converged, residual, iterations = s.R, s.n, s.converged, s.residual, s.iterations
     behind = s.behind
     if sight is not None:
         goes_on = searched & (mi.Bool(options.newton == "always") | ~s.converged)
         first, met = newton.located(mesh, star.centre, s.u, goes_on & ~sight.near)
-        begins_anew = goes_on & ~(met & s.converged) & ~sight.near & ~shadow
-        first = dr.select(begins_anew, newton.best_candidate(mesh, where, begins_anew), first)
-        first = dr.select(sight.near, sight.on, first)
-        goes_on &= met | begins_anew | sight.near
+        begins_anew = goes_on & ~(met & s.converged) & ~sight.near
+        candidate, promising = newton.best_candidate(mesh, where, begins_anew)
+        first = dr.select(sight.near, sight.on, dr.select(begins_anew, candidate, first))
+        goes_on &= dr.select(begins_anew, promising, met | sight.near)
         walked = newton.walk(mesh, where, first, goes_on, max_iter, sight.touches)
         R, n = dr.select(goes_on, walked.R, R), dr.select(goes_on, walked.n, n)
         converged = dr.select(goes_on, walked.converged, converged)
         residual = dr.select(goes_on, walked.residual, residual)
         iterations += walked.iterations
-        behind = shadow | (active & ~converged & (dr.dot(where.V - R, n) <= 0))
+        behind = active & ~converged & (shadow | (dr.dot(where.V - R, n) <= 0))
     reflected = searched & ~behind & (converged | (residual < search.STRAY))
     hidden = active & (behind | shadow) & ~reflected
     u = placement.unit(R - star.centre)

@@ -22,9 +22,11 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from benchharness.kernels import geometry, raster
 from benchharness.kernels.placement import Place, place, unit
 
 CANDIDATES = 192  # points of the mesh that a cold search chooses its start from
+PROMISING = 0.5  # cosine of half vector and normal; candidates lie closer than this angle, and hidden vertices reach 0.3
 LONGEST = 0.25  # of the mirror's size; a step that would be longer is cut
 LEAST_DAMPING = 1 / 64
 TOLERANCE = 0.004  # pixels; a search whose next step would be shorter has arrived
@@ -40,7 +42,7 @@ class Mesh:
 
     scene       its triangles alone, for rays; object space
     vertices    8 floats per vertex: position, 0, normal, 0
-    faces       4 integers per triangle
+    faces       4 integers per triangle: three vertices, and `kernels.raster.CLOSED` where its back is never seen
     candidates  triangles spread over the mesh, at whose middles a search may start
     size        of its bounding box's diagonal
     convex      whether E sees no reflection of V exactly where the mirror stands between them
@@ -110,7 +112,8 @@ def mesh(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray) -> Mesh:
     params.update()
     zero = np.zeros((len(vertices), 1))
     packed = np.hstack([vertices, zero, normals, zero]).astype(np.float32)
-    quads = np.hstack([faces, np.zeros((len(faces), 1), faces.dtype)]).astype(np.uint32)
+    tags = np.where(geometry.closed_faces(vertices, faces), raster.CLOSED, 0)
+    quads = np.hstack([faces, tags[:, None]]).astype(np.uint32)
     size = mi.Float(float(np.linalg.norm(np.ptp(vertices, axis=0))))
     candidates = mi.UInt32(_spread(vertices, faces).astype(np.uint32))
     dr.make_opaque(size, candidates)
@@ -144,16 +147,19 @@ def is_convex(vertices: np.ndarray, faces: np.ndarray) -> bool:
                for i in range(0, len(n), 512))  # fmt: skip
 
 
-def _corners(mirror: Mesh, triangle: mi.UInt32, active) -> tuple[list, list]:
+def _corners(mirror: Mesh, triangle: mi.UInt32, eye: mi.Point3f, active) -> tuple[list, list]:
+    """Positions and normals of a triangle's corners. A sheet is a mirror on both sides: its normals are turned to the eye's."""
     face = dr.gather(mi.Vector4u, mirror.faces, triangle, active)
     index = (face.x, face.y, face.z)
     p = [dr.gather(mi.Vector4f, mirror.vertices, 2 * i, active).xyz for i in index]
-    return p, [dr.gather(mi.Vector4f, mirror.vertices, 2 * i + 1, active).xyz for i in index]
+    n = [dr.gather(mi.Vector4f, mirror.vertices, 2 * i + 1, active).xyz for i in index]
+    away = ((face.w & raster.CLOSED) == 0) & (dr.dot(dr.cross(p[1] - p[0], p[2] - p[0]), eye - p[0]) < 0)
+    return p, [dr.select(away, -v, v) for v in n]
 
 
 def look(mirror: Mesh, where: Place, on: Where, active) -> Point:
     """Everything that a step needs, at a point of the mesh."""
-    p, n = _corners(mirror, on.triangle, active)
+    p, n = _corners(mirror, on.triangle, where.eye, active)
     e1, e2, n1, n2 = p[1] - p[0], p[2] - p[0], n[1] - n[0], n[2] - n[0]
     P = p[0] + on.b.x * e1 + on.b.y * e2
     raw = n[0] + on.b.x * n1 + on.b.y * n2
@@ -234,20 +240,21 @@ def walk(mirror: Mesh, where: Place, first: Where, active, max_iter, touches=Fal
 
 
 @dr.syntax
-def best_candidate(mirror: Mesh, where: Place, active) -> Where:
-    """The middle of the candidate triangle whose normal is nearest to the half vector, E and V in front if possible."""
+def best_candidate(mirror: Mesh, where: Place, active) -> tuple[Where, mi.Bool]:
+    """The middle of the candidate triangle whose normal is nearest to the half vector, E and V in front if possible, and
+    whether that is near enough for a walk to be worth it."""
     best, score = mi.UInt32(0), mi.Float(-dr.inf)
     k, count = mi.UInt32(0), dr.width(mirror.candidates)
     while dr.hint(active & (k < count), label="choose where to start"):
         triangle = dr.gather(mi.UInt32, mirror.candidates, k)
-        p, n = _corners(mirror, triangle, active)
+        p, n = _corners(mirror, triangle, where.eye, active)
         P, N = (p[0] + p[1] + p[2]) / 3, unit(n[0] + n[1] + n[2])
         w_E, w_V = unit(where.eye - P), unit(where.V - P)
         agreement = dr.dot(unit(w_E + w_V), N) - dr.select((dr.dot(N, w_E) > 0) & (dr.dot(N, w_V) > 0), 0, 2)
         better = agreement > score
         best, score = dr.select(better, triangle, best), dr.select(better, agreement, score)
         k += 1
-    return Where(best, mi.Point2f(1 / 3))
+    return Where(best, mi.Point2f(1 / 3)), active & (score > PROMISING)
 
 
 def located(mirror: Mesh, centre: mi.Point3f, u: mi.Vector3f, active) -> tuple[Where, mi.Bool]:

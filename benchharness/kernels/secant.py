@@ -4,6 +4,9 @@ Light from the vertex V by way of the mirror's point P to the eye E travels l(P)
 of l along the mirror vanishes. Three sample points A, B, C on the mirror and their gradients say where it would vanish if
 it were linear: that point, moved on to the mirror along its ray from the centre, replaces the worst of the three.
 
+The first three are the directions to V and E and an apex (the paper), or lie around where a sphere would reflect. Where such a
+direction leaves through the opening of a hollow mirror, its opposite is taken, which is on the mirror.
+
 Gradients. With e = unit(P - E) + unit(P - V), P = O + r(u) u:
 
     "param"    (u.e) grad r + e - (u.e) u    the derivative of l in u. The paper's equation (1) prints its transpose, which
@@ -95,6 +98,11 @@ def directions_of(star: starmap.StarMap, where: Place) -> tuple[mi.Vector3f, mi.
     return dr.select(dr.squared_norm(to_V) > 0.5, to_V, to_E), to_E
 
 
+def _on_mirror(star: starmap.StarMap, u: mi.Vector3f, active) -> mi.Vector3f:
+    """u, or its opposite if u leaves through an opening: a hollow mirror reflects what is before its opening across it."""
+    return dr.select(starmap.is_covered(star, u, active), u, -u)
+
+
 def near_answer(star: starmap.StarMap, where: Place, active) -> mi.Vector3f:
     """A direction close to the reflection point's: exact to first order on a sphere.
 
@@ -108,12 +116,12 @@ def near_answer(star: starmap.StarMap, where: Place, active) -> mi.Vector3f:
         height = dr.abs(distance - starmap.sample(star, u, active)[0])
         share.append(height / dr.maximum(distance, 1e-6 * height))
     mixed = to_V * share[1] + to_E * share[0]
-    return dr.select(dr.squared_norm(mixed) > 1e-12, unit(mixed), to_E)
+    return _on_mirror(star, dr.select(dr.squared_norm(mixed) > 1e-12, unit(mixed), to_E), active)
 
 
 def _paper_start(kind, star, where: Place, active) -> tuple[Sample, Sample, Sample]:
     """V and E as seen from the centre, and the apex of an equilateral triangle on them."""
-    to_V, to_E = directions_of(star, where)
+    to_V, to_E = (_on_mirror(star, u, active) for u in directions_of(star, where))
     across = mi.coordinate_system(to_E)[0]
     one = evaluate(kind, star, where, to_V, active)
     two = evaluate(kind, star, where, to_E, active)
