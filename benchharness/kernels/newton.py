@@ -25,10 +25,10 @@ import numpy as np
 from benchharness.kernels import geometry, raster
 from benchharness.kernels.placement import Place, place, unit
 
-CANDIDATES = 192  # points of the mesh that a cold search chooses its start from
+CANDIDATES = 64  # points of the mesh that a cold search chooses its start from
 PROMISING = 0.5  # cosine of half vector and normal; candidates lie closer than this angle, and hidden vertices reach 0.3
 LONGEST = 0.25  # of the mirror's size; a step that would be longer is cut
-LEAST_DAMPING = 1 / 64
+LEAST_DAMPING = 1 / 8
 TOLERANCE = 0.004  # pixels; a search whose next step would be shorter has arrived
 TRUSTED = 0.25  # pixels; longest next step of an answer that calls itself converged
 NEAREST = 1e-5  # of the mirror's size; a vertex nearer to the mirror than this touches it
@@ -44,6 +44,7 @@ class Mesh:
     vertices    8 floats per vertex: position, 0, normal, 0
     faces       4 integers per triangle: three vertices, and `kernels.raster.CLOSED` where its back is never seen
     candidates  triangles spread over the mesh, at whose middles a search may start
+    middles     8 floats per candidate: its middle, 1 if it is a mirror on both sides, unit normal there, 0
     size        of its bounding box's diagonal
     convex      whether E sees no reflection of V exactly where the mirror stands between them
     """
@@ -52,6 +53,7 @@ class Mesh:
     vertices: mi.Float
     faces: mi.UInt32
     candidates: mi.UInt32
+    middles: mi.Float
     size: mi.Float
     convex: bool
 
@@ -115,10 +117,18 @@ def mesh(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray) -> Mesh:
     tags = np.where(geometry.closed_faces(vertices, faces), raster.CLOSED, 0)
     quads = np.hstack([faces, tags[:, None]]).astype(np.uint32)
     size = mi.Float(float(np.linalg.norm(np.ptp(vertices, axis=0))))
-    candidates = mi.UInt32(_spread(vertices, faces).astype(np.uint32))
+    chosen = _spread(vertices, faces)
+    middle_n = normals[faces[chosen]].sum(axis=1)
+    middle_n /= np.maximum(np.linalg.norm(middle_n, axis=1, keepdims=True), 1e-30)
+    both = (tags[chosen] == 0)[:, None]
+    middles = np.hstack([vertices[faces[chosen]].mean(axis=1), both, middle_n, 0 * both]).astype(np.float32)
+    candidates = mi.UInt32(chosen.astype(np.uint32))
     dr.make_opaque(size, candidates)
     scene = mi.load_dict({"type": "scene", "embree_use_robust_intersections": True, "mirror": surface})
-    return Mesh(scene, mi.Float(packed.ravel()), mi.UInt32(quads.ravel()), candidates, size, is_convex(vertices, faces))
+    return Mesh(
+        scene, mi.Float(packed.ravel()), mi.UInt32(quads.ravel()), candidates, mi.Float(middles.ravel()), size,
+        is_convex(vertices, faces),
+    )  # fmt: skip
 
 
 def _spread(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -243,18 +253,21 @@ def walk(mirror: Mesh, where: Place, first: Where, active, max_iter, touches=Fal
 def best_candidate(mirror: Mesh, where: Place, active) -> tuple[Where, mi.Bool]:
     """The middle of the candidate triangle whose normal is nearest to the half vector, E and V in front if possible, and
     whether that is near enough for a walk to be worth it."""
-    best, score = mi.UInt32(0), mi.Float(-dr.inf)
+    best, preference, agreement = mi.UInt32(0), mi.Float(-dr.inf), mi.Float(-1)
     k, count = mi.UInt32(0), dr.width(mirror.candidates)
     while dr.hint(active & (k < count), label="choose where to start"):
-        triangle = dr.gather(mi.UInt32, mirror.candidates, k)
-        p, n = _corners(mirror, triangle, where.eye, active)
-        P, N = (p[0] + p[1] + p[2]) / 3, unit(n[0] + n[1] + n[2])
+        point, normal = (dr.gather(mi.Vector4f, mirror.middles, 2 * k + i) for i in (0, 1))
+        P, N = point.xyz, normal.xyz
         w_E, w_V = unit(where.eye - P), unit(where.V - P)
-        agreement = dr.dot(unit(w_E + w_V), N) - dr.select((dr.dot(N, w_E) > 0) & (dr.dot(N, w_V) > 0), 0, 2)
-        better = agreement > score
-        best, score = dr.select(better, triangle, best), dr.select(better, agreement, score)
+        N = dr.select((point.w > 0) & (dr.dot(N, w_E) < 0), -N, N)
+        cosine = dr.dot(unit(w_E + w_V), N)
+        value = cosine - dr.select((dr.dot(N, w_E) > 0) & (dr.dot(N, w_V) > 0), 0, 2)
+        better = value > preference
+        best, preference = dr.select(better, k, best), dr.select(better, value, preference)
+        agreement = dr.maximum(agreement, cosine)
         k += 1
-    return Where(best, mi.Point2f(1 / 3)), active & (score > PROMISING)
+    on = Where(dr.gather(mi.UInt32, mirror.candidates, best, active), mi.Point2f(1 / 3))
+    return on, active & (agreement > PROMISING)
 
 
 def located(mirror: Mesh, centre: mi.Point3f, u: mi.Vector3f, active) -> tuple[Where, mi.Bool]:
