@@ -18,3 +18,35 @@ def variant() -> str | None:
         return None
     platform.use_variant("llvm_ad_rgb")
     return "llvm_ad_rgb"
+
+
+@pytest.fixture(scope="module")
+def module_cache(tmp_path_factory):
+    """What a module's tests render is rendered for them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("BENCHHARNESS_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture(scope="module")
+def room():
+    """A mirror ball in a room; the camera goes round it."""
+    from mirror_room import mirror_room, orbit
+
+    return mirror_room(camera=orbit(0.4))
+
+
+@pytest.fixture(scope="module")
+def renderer(room):
+    from mirror_room import SIZE
+
+    from benchharness.frame import FrameRenderer
+
+    return FrameRenderer(room, *SIZE)
+
+
+@pytest.fixture(scope="module")
+def truth_of_room(room, module_cache):
+    from answers import picture
+
+    return picture(room)

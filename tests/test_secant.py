@@ -304,6 +304,7 @@ def test_inactive_lanes_are_not_searched():
     converged, behind, iterations = flags(s)
     full = flags(answered(*CASES[0], "edge"))
     assert not (converged | behind)[~some].any() and (iterations[~some] == 0).all()
+    assert all_finite(s)
     np.testing.assert_array_equal(converged[some], full[0][some])
     np.testing.assert_array_equal(iterations[some], full[2][some])
 

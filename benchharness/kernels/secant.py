@@ -259,7 +259,8 @@ def solve(
     """
     first = start(options.residual, options.start, star, where, last, warm, active)
     best, closed, iterations, backtracks = close_in(options.residual, options.stop, star, where, first, active, tau, max_iter)
-    return judged(star, where, unit(best.p - star.centre), closed, iterations, backtracks, active)
+    u = dr.select(active, unit(best.p - star.centre), mi.Vector3f(0, 0, 1))
+    return judged(star, where, u, closed, iterations, backtracks, active)
 
 
 @dr.syntax
