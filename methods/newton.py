@@ -118,10 +118,10 @@ def _solve(
     shadow = sight.shadow
     searched = active & ~shadow if mesh.convex else mi.Bool(active)
     warm = last.warm & ~vertexwise.was_cut(view, last_view)
-    first, promising = newton.best_candidate(mesh, where, searched & ~warm & ~sight.near)
+    first, promising = newton.best_candidate(mesh, where, searched & ~warm & ~sight.near, shadow)
     first = dr.select(sight.near, sight.on, dr.select(warm, last.on, first))
     searched &= warm | promising | sight.near
-    walked = newton.walk(mesh, where, first, searched, max_iter, sight.touches)
+    walked = newton.walk(mesh, where, first, searched, max_iter, sight.touches, shadow & ~warm)
 
     behind = shadow | ~searched | (dr.dot(where.V - walked.R, walked.n) <= 0)
     reflected = walked.converged | (searched & ~behind & (walked.residual < search.STRAY))

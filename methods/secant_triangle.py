@@ -218,10 +218,10 @@ def _solve(
         goes_on = searched & (mi.Bool(options.newton == "always") | ~s.converged)
         first, met = newton.located(mesh, star.centre, s.u, goes_on & ~sight.near)
         begins_anew = goes_on & ~(met & s.converged) & ~sight.near
-        candidate, promising = newton.best_candidate(mesh, where, begins_anew)
+        candidate, promising = newton.best_candidate(mesh, where, begins_anew, shadow)
         first = dr.select(sight.near, sight.on, dr.select(begins_anew, candidate, first))
         goes_on &= dr.select(begins_anew, promising, met | sight.near)
-        walked = newton.walk(mesh, where, first, goes_on, max_iter, sight.touches)
+        walked = newton.walk(mesh, where, first, goes_on, max_iter, sight.touches, shadow & ~warm)
         R, n = dr.select(goes_on, walked.R, R), dr.select(goes_on, walked.n, n)
         converged = dr.select(goes_on, walked.converged, converged)
         residual = dr.select(goes_on, walked.residual, residual)

@@ -76,7 +76,7 @@ def walked(mirror: newton.Mesh, where, first=None, max_iter=60, touches=False):
     active = dr.full(mi.Bool, True, dr.width(where.V))
     sight = newton.look_at(mirror, where, active)
     if first is None:
-        first = dr.select(sight.near, sight.on, newton.best_candidate(mirror, where, active))
+        first = dr.select(sight.near, sight.on, newton.best_candidate(mirror, where, active)[0])
         touches = sight.touches
     s = newton.walk(mirror, where, first, active, mi.UInt32(max_iter), touches)
     dr.eval(s, sight)
@@ -295,7 +295,8 @@ def test_max_iter_is_obeyed_and_what_gave_up_far_away_did_not_converge():
 def test_inactive_lanes_are_not_walked():
     V, eye, target, s, _ = case("icosphere")
     where, some = place(V, eye, target), np.arange(len(V)) % 3 == 0
-    first = newton.best_candidate(ready("icosphere"), where, mi.Bool(some))
+    first, promising = newton.best_candidate(ready("icosphere"), where, mi.Bool(some))
+    assert not np.array(promising)[~some].any()
     few = newton.walk(ready("icosphere"), where, first, mi.Bool(some), mi.UInt32(60))
     assert not np.array(few.converged)[~some].any() and (np.array(few.iterations)[~some] == 0).all()
     np.testing.assert_array_equal(np.array(few.converged)[some], np.array(s.converged)[some])
@@ -319,15 +320,17 @@ def test_a_cold_search_starts_at_the_candidate_that_agrees_best():
     """The oracle tries them all: cosine of half vector and normal, those with the eye and V in front first."""
     V, eye, target, _, _ = case("torus")
     mirror, mesh = ready("torus"), MESHES["torus"]
-    got = newton.best_candidate(mirror, place(V, eye, target), dr.full(mi.Bool, True, len(V)))
+    got, promising = newton.best_candidate(mirror, place(V, eye, target), dr.full(mi.Bool, True, len(V)))
     chosen = np.array(mirror.candidates)
     P, N = mesh.vertices[mesh.faces[chosen]].mean(axis=1), unit(mesh.normals[mesh.faces[chosen]].sum(axis=1))
     w_E, w_V = unit(eye - P), unit(V[:, None] - P)
     front = ((w_E * N).sum(-1) > 0) & ((w_V * N).sum(-1) > 0)
-    score = (unit(w_E + w_V) * N).sum(-1) - np.where(front, 0, 2)
+    cosine = (unit(w_E + w_V) * N).sum(-1)
+    score = cosine - np.where(front, 0, 2)
     at = np.array([np.flatnonzero(chosen == t)[0] for t in np.array(got.triangle)])
     np.testing.assert_allclose(score[np.arange(len(V)), at], score.max(axis=1), atol=1e-6)
     np.testing.assert_allclose(np.array(got.b), 1 / 3, atol=1e-7)
+    np.testing.assert_array_equal(np.array(promising), cosine.max(axis=1) > newton.PROMISING)
 
 
 @pytest.mark.parametrize("name", ["icosphere", "torus"])

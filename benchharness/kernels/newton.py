@@ -25,10 +25,11 @@ import numpy as np
 from benchharness.kernels import geometry, raster
 from benchharness.kernels.placement import Place, place, unit
 
-CANDIDATES = 64  # points of the mesh that a cold search chooses its start from
+CANDIDATES = 192  # points of the mesh that a cold search chooses its start from
+BRIEFLY = 48  # of the candidates, farthest apart: enough for vertices that are hidden in all likelihood
 PROMISING = 0.5  # cosine of half vector and normal; candidates lie closer than this angle, and hidden vertices reach 0.3
 LONGEST = 0.25  # of the mirror's size; a step that would be longer is cut
-LEAST_DAMPING = 1 / 8
+LEAST_DAMPING, LEAST_BRIEFLY = 1 / 64, 1 / 8
 TOLERANCE = 0.004  # pixels; a search whose next step would be shorter has arrived
 TRUSTED = 0.25  # pixels; longest next step of an answer that calls itself converged
 NEAREST = 1e-5  # of the mirror's size; a vertex nearer to the mirror than this touches it
@@ -229,12 +230,12 @@ def _moved(mirror: Mesh, on: Where, at: Point, damping, active) -> tuple[Where, 
 
 
 @dr.syntax
-def walk(mirror: Mesh, where: Place, first: Where, active, max_iter, touches=False) -> Solution:
+def walk(mirror: Mesh, where: Place, first: Where, active, max_iter, touches=False, briefly=False) -> Solution:
     """Newton's steps from `first` until the next one would be shorter than TOLERANCE. What `touches` the mirror there is
-    reflected there."""
+    reflected there. `briefly` gives up sooner."""
     on = Where(mi.UInt32(first.triangle), mi.Point2f(first.b))
     at = look(mirror, where, on, active)
-    damping = mi.Float(1)
+    damping, least = mi.Float(1), dr.select(briefly, mi.Float(LEAST_BRIEFLY), LEAST_DAMPING)
     iterations = mi.UInt32(1)
     running = active & ~mi.Bool(touches) & (at.pixels > TOLERANCE) & (iterations < max_iter)
     while dr.hint(running, label="walk along the mirror"):
@@ -244,17 +245,18 @@ def walk(mirror: Mesh, where: Place, first: Where, active, max_iter, touches=Fal
         iterations += 1
         on, at = dr.select(better, there, on), dr.select(better, new, at)
         damping = dr.select(better, dr.minimum(1, 2 * damping), 0.5 * damping)
-        running &= (at.pixels > TOLERANCE) & (damping >= LEAST_DAMPING) & (iterations < max_iter)
+        running &= (at.pixels > TOLERANCE) & (damping >= least) & (iterations < max_iter)
     converged = active & dr.select(touches, dr.dot(at.N, where.eye - at.P) > 0, at.front & (at.pixels < TRUSTED))
     return Solution(on, at.P, at.N, converged, dr.select(touches, 0, at.f), dr.select(active, iterations, 0))
 
 
 @dr.syntax
-def best_candidate(mirror: Mesh, where: Place, active) -> tuple[Where, mi.Bool]:
+def best_candidate(mirror: Mesh, where: Place, active, briefly=False) -> tuple[Where, mi.Bool]:
     """The middle of the candidate triangle whose normal is nearest to the half vector, E and V in front if possible, and
-    whether that is near enough for a walk to be worth it."""
+    whether any is near enough for a walk to be worth it. `briefly` looks at few."""
     best, preference, agreement = mi.UInt32(0), mi.Float(-dr.inf), mi.Float(-1)
     k, count = mi.UInt32(0), dr.width(mirror.candidates)
+    count = dr.select(briefly, mi.UInt32(min(BRIEFLY, count)), count)
     while dr.hint(active & (k < count), label="choose where to start"):
         point, normal = (dr.gather(mi.Vector4f, mirror.middles, 2 * k + i) for i in (0, 1))
         P, N = point.xyz, normal.xyz
