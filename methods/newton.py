@@ -95,11 +95,12 @@ class Newton(Method):
 def _mesh(reflector: Reflector) -> newton.Mesh:
     """The closed stand-in if it is convex: then it has no more reflections than the sheet that is seen, and no rim. Else the
     sheet: on a bowl's wall or the inside of a ring, walks would end on sides that the eye never sees."""
-    if reflector.closed is not None:
-        closed = newton.mesh(reflector.closed.vertices, reflector.closed.normals, reflector.closed.faces)
-        if closed.convex:
-            return closed
-    return newton.mesh(reflector.mesh.vertices, reflector.mesh.normals, reflector.mesh.faces)
+    sheet, closed = reflector.mesh, reflector.closed
+    if closed is not None:
+        solid = newton.mesh(closed.vertices, closed.normals, closed.faces)
+        if solid.convex:
+            return solid
+    return newton.mesh(sheet.vertices, sheet.normals, sheet.faces, backs=closed is None)
 
 
 @frozen

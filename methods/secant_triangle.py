@@ -137,7 +137,8 @@ class SecantTriangle(Method):
         mirrors = []
         for reflector in scene.reflectors:
             star, mesh = _star(reflector, self.resolution)
-            mirrors.append(Mirror(star, newton.mesh(mesh.vertices, mesh.normals, mesh.faces)))
+            walked = newton.mesh(mesh.vertices, mesh.normals, mesh.faces, backs=reflector.closed is None)
+            mirrors.append(Mirror(star, walked))
         corners = np.concatenate([np.asarray(part.mesh.transformed(part.pose(0.0)).vertices) for part in scene.parts])
         d_max = dr.opaque(mi.Float, FARTHEST * float(np.linalg.norm(np.ptp(corners, axis=0))))
         return State(vertexwise.scenery(scene), mirrors, [], None, d_max)

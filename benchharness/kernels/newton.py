@@ -106,8 +106,8 @@ class Point:
     front: mi.Bool
 
 
-def mesh(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray) -> Mesh:
-    """From host arrays [V, 3], [V, 3], [F, 3] in object space."""
+def mesh(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, backs: bool = True) -> Mesh:
+    """From host arrays [V, 3], [V, 3], [F, 3] in object space. `backs`: whether an open mesh is a mirror on its back too."""
     surface = mi.Mesh("mirror", len(vertices), len(faces))
     params = mi.traverse(surface)
     params["vertex_positions"] = mi.Float(np.asarray(vertices, np.float32).ravel())
@@ -115,7 +115,7 @@ def mesh(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray) -> Mesh:
     params.update()
     zero = np.zeros((len(vertices), 1))
     packed = np.hstack([vertices, zero, normals, zero]).astype(np.float32)
-    tags = np.where(geometry.closed_faces(vertices, faces), raster.CLOSED, 0)
+    tags = np.where(geometry.closed_faces(vertices, faces) | (not backs), raster.CLOSED, 0)
     quads = np.hstack([faces, tags[:, None]]).astype(np.uint32)
     size = mi.Float(float(np.linalg.norm(np.ptp(vertices, axis=0))))
     chosen = _spread(vertices, faces)
