@@ -253,7 +253,7 @@ def walk(mirror: Mesh, where: Place, first: Where, active, max_iter, touches=Fal
 @dr.syntax
 def best_candidate(mirror: Mesh, where: Place, active, briefly=False) -> tuple[Where, mi.Bool]:
     """The middle of the candidate triangle whose normal is nearest to the half vector, E and V in front if possible, and
-    whether any is near enough for a walk to be worth it. `briefly` looks at few."""
+    whether a walk is worth it: where `briefly` looked at few, only if any of them is near."""
     best, preference, agreement = mi.UInt32(0), mi.Float(-dr.inf), mi.Float(-1)
     k, count = mi.UInt32(0), dr.width(mirror.candidates)
     count = dr.select(briefly, mi.UInt32(min(BRIEFLY, count)), count)
@@ -269,7 +269,7 @@ def best_candidate(mirror: Mesh, where: Place, active, briefly=False) -> tuple[W
         agreement = dr.maximum(agreement, cosine)
         k += 1
     on = Where(dr.gather(mi.UInt32, mirror.candidates, best, active), mi.Point2f(1 / 3))
-    return on, active & (agreement > PROMISING)
+    return on, active & (~mi.Bool(briefly) | (agreement > PROMISING))
 
 
 def located(mirror: Mesh, centre: mi.Point3f, u: mi.Vector3f, active) -> tuple[Where, mi.Bool]:
