@@ -98,7 +98,7 @@ class SecantTriangle(Method):
     tau             how small, pixels ("edge") or pixels squared ("area")
     start           "near" the answer, or as wide as the "paper"
     warm            start where the last frame's search ended
-    newton          go on by Newton's method: "always", "restart" if the triangle was lost, or "off" as in the paper
+    newton          go on by Newton's method: "restart" if the triangle was lost, "always", or "off" as in the paper
     hidden          triangles with hidden vertices: "cut", "drop", "emdt_mirror" or "clamp"; see above
     depth           "perspective", or "screen_linear" as in the paper (which knows no "cut" and no "emdt_mirror")
     self_occlusion  leave out what lies behind the mirror's own nearest back
@@ -112,7 +112,7 @@ class SecantTriangle(Method):
     tau: Annotated[float, Field(gt=0)] = 1.0
     start: Literal["near", "paper"] = "near"
     warm: bool = True
-    newton: Literal["always", "restart", "off"] = "always"
+    newton: Literal["restart", "always", "off"] = "restart"
     hidden: Literal["cut", "drop", "emdt_mirror", "clamp"] = "cut"
     depth: Literal["perspective", "screen_linear"] = "perspective"
     self_occlusion: bool = True
