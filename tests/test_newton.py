@@ -409,6 +409,15 @@ def test_a_dent_makes_it_concave_and_rounding_does_not():
     dent = mesh.vertices.copy()
     dent[7] *= 0.94  # its neighbours, 0.3 away, lie in a plane that is 0.045 lower than the sphere
     assert not newton.is_convex(dent, mesh.faces)
+    # A hollow as wide as a fine mesh's cap is deeper at no single edge than 1e-5: rings 0.01 apart, a radius of 12.
+    r = np.linspace(np.sqrt(1 - 0.9**2), 0, 44)
+    angle = np.linspace(-np.pi / 2, np.arcsin(0.9), 200)
+    round_ = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    round_[0, 0] = 0
+    for bend, convex in ((0.0, True), (0.04, False)):
+        cap = np.stack([r, 0.9 - bend * (1 - 0.9**2) + bend * r**2], axis=1)
+        made = trimesh.creation.revolve(np.concatenate([round_[:-1], cap]), sections=64)
+        assert newton.is_convex(made.vertices, made.faces) is convex
     rough = (mesh.vertices + 100).astype(np.float32).astype(np.float64)
     assert newton.is_convex(rough, mesh.faces)
 

@@ -26,7 +26,7 @@ from methods.secant_triangle import SecantTriangle
 pytestmark = pytest.mark.usefixtures("module_cache")
 
 SECANT = SecantTriangle(resolution=64, newton="always")  # of what Newton's method begins with; made in a tenth of the time
-PAPER = SecantTriangle(stop="area", tau=0.5, start="paper", newton="off", hidden="drop", depth="screen_linear")
+PAPER = replace(SECANT, stop="area", tau=0.5, start="paper", newton="off", hidden="drop", depth="screen_linear")
 EXACT = {
     "newton": Newton(),
     "secant": SECANT,

@@ -21,6 +21,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+import trimesh
 
 from benchharness.kernels import geometry, raster
 from benchharness.kernels.placement import Place, place, unit
@@ -32,6 +33,7 @@ LONGEST = 0.25  # of the mirror's size; a step that would be longer is cut
 LEAST_DAMPING, LEAST_BRIEFLY = 1 / 64, 1 / 8
 TOLERANCE = 0.004  # pixels; a search whose next step would be shorter has arrived
 TRUSTED = 0.25  # pixels; longest next step of an answer that calls itself converged
+ROUNDING = 1e-6  # of a mesh's size; mean depth of hollows in a mesh that counts as convex
 NEAREST = 1e-5  # of the mirror's size; a vertex nearer to the mirror than this touches it
 SHADOWED = 1e-4  # of the mirror's size; a vertex is in the mirror's shadow if it is this much behind where its ray meets it
 CLOSE = 1e-2  # of the mirror's size; a vertex this much in front of where its ray meets the mirror is reflected near there
@@ -144,18 +146,15 @@ def _spread(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def is_convex(vertices: np.ndarray, faces: np.ndarray) -> bool:
-    """Whether the mesh is closed, wound outwards, and no vertex lies in front of any of its faces by more than rounding."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    n = np.cross(b - a, c - a)
-    length = np.linalg.norm(n, axis=1)
-    real = length > 1e-12 * np.ptp(vertices) ** 2
-    n, a = n[real] / length[real, None], a[real]
-    size = np.linalg.norm(np.ptp(vertices, axis=0))
-    total = np.abs((n * length[real, None]).sum(axis=0)).max()  # the area vectors of a closed mesh cancel
-    if total > 1e-6 * length.sum():
+    """Whether the mesh is closed, in one piece, wound outwards, and convex but for rounding.
+
+    Convex: no edge is hollow; and, as a hollow may be too wide to show at single edges of a fine mesh, its convex hull
+    holds no more than it does itself.
+    """
+    solid = trimesh.Trimesh(vertices, faces)
+    if not (solid.is_convex and solid.is_winding_consistent) or solid.volume <= 0:
         return False
-    return all((n[i : i + 512] @ vertices.T - (n[i : i + 512] * a[i : i + 512]).sum(1)[:, None]).max() < 1e-5 * size
-               for i in range(0, len(n), 512))  # fmt: skip
+    return bool(solid.convex_hull.volume - solid.volume < ROUNDING * solid.scale * solid.area)
 
 
 def _corners(mirror: Mesh, triangle: mi.UInt32, eye: mi.Point3f, active) -> tuple[list, list]:
