@@ -13,7 +13,8 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import geometry, virtual
+from benchharness.kernels import geometry, search, virtual
+from benchharness.kernels.frozen import frozen
 
 UNKNOWN, REFLECTED, UNREFLECTED, HIDDEN = range(4)  # benchharness.api.Vertices.region
 
@@ -83,18 +84,22 @@ class Shown:
 
 
 def shown(seen: Scenery, frame, solve: Callable[[int, mi.UInt32], Solved]) -> Shown:
-    """The reflection in all mirrors."""
-    L, distance, found = mi.Color3f(0), mi.Float(0), mi.Bool(False)
-    solved = []
+    """The reflection in all mirrors, each drawn in its own part of the picture."""
+    count = frame.view.width * frame.view.height
+    numbers, found, solved = [dr.zeros(mi.Float, count) for _ in range(4)], dr.zeros(mi.Bool, count), []
     for i in range(len(frame.proxies)):
         part = dr.opaque(mi.UInt32, seen.objects + i)
         one = solve(i, part)
+        window = search.window(frame.view, frame.boxes[i], 1.0)
+        pixel, p, reflector, back = _within(window, frame.view.width, frame.p, frame.reflector, one.back)
         own, length, covered = virtual.draw(
-            one.images, seen.world, part, frame.view, frame.p, frame.reflector, dr.opaque(mi.Int32, i), one.drawing,
-            one.hider, one.back,
-        )  # fmt: skip
-        L, distance, found = (own, length, covered) if i == 0 else (L + own, distance + length, found | covered)
+            one.images, seen.world, part, window.view, p, reflector, dr.opaque(mi.Int32, i), one.drawing, one.hider, back
+        )
+        for target, value in zip(numbers, (own.x, own.y, own.z, length), strict=True):
+            dr.scatter(target, value, pixel, covered)
+        dr.scatter(found, covered, pixel, covered)
         solved.append(one)
+    L, distance = mi.Color3f(*numbers[:3]), numbers[3]
     if seen.surroundings is not None:
         # What no triangle covers is the surroundings if the scene has any, else unanswered.
         sky = frame.active & ~found
@@ -102,6 +107,16 @@ def shown(seen: Scenery, frame, solve: Callable[[int, mi.UInt32], Solved]) -> Sh
     report = {name: _joined([one.report[name] for one in solved]) for name in solved[0].report}
     counters = {name: _joined([one.counters[name] for one in solved]) for name in solved[0].counters}
     return Shown(L, distance, found, report, {"iterations": report["iterations"], **counters}, [one.end for one in solved])
+
+
+@frozen
+def _within(window: search.Window, width: int, p: mi.Point3f, reflector: mi.Int32, back: mi.Float | None):
+    """The pixels that a window covers, in its order, and what is there."""
+    lane = dr.arange(mi.UInt32, window.view.width * window.view.height)
+    row = lane // window.view.width
+    pixel = (row + mi.UInt32(window.top)) * width + lane - row * window.view.width + mi.UInt32(window.left)
+    seen = dr.gather(mi.Point3f, p, pixel), dr.gather(mi.Int32, reflector, pixel)
+    return pixel, *seen, None if back is None else dr.gather(mi.Float, back, pixel)
 
 
 def _joined(arrays: list):
