@@ -102,6 +102,52 @@ def test_near_the_answer_means_exact_to_first_order_on_a_sphere():
     assert off[0] > 6 * off[1]  # the next term is of third order: R is an odd function of the angle
 
 
+@pytest.mark.parametrize(
+    ("corners", "area", "longest"),
+    [
+        ([(0, 0), (3, 0), (0, 4)], 6.0, 5.0),  # the longest is from b to c
+        ([(3, 0), (0, 4), (0, 0)], 6.0, 5.0),
+        ([(0, 4), (0, 0), (3, 0)], 6.0, 5.0),
+        ([(1, 1), (4, 1), (8, 1)], 0.0, 7.0),  # a sliver has no area
+    ],
+)
+def test_a_triangles_size_on_the_screen_by_hand(corners, area, longest):
+    samples = [secant.Sample(mi.Point3f(0), mi.Vector3f(0), mi.Float(x), mi.Float(y)) for x, y in corners]
+    for stop, size in (("area", area), ("edge", longest)):
+        for tau, closed in ((size + 0.01, True), (size - 0.01, False)):
+            assert bool(np.array(secant._closed_in(stop, *samples, mi.Float(tau)))[0]) == closed
+
+
+def towards(cos, side):
+    """A unit vector in the x, z plane with that cosine to z."""
+    return np.array([side * np.sqrt(1 - cos**2), 0.0, cos])
+
+
+@pytest.mark.parametrize(
+    ("cos_eye", "cos_V", "valid", "behind"),
+    [
+        (0.500, 0.500, True, False),
+        (0.500, 0.500 + 0.01, True, False),  # the half vector is off by half of asin's difference, 0.0058
+        (0.500, 0.500 + 0.02, False, False),  # 0.0117: above 1 %
+        (0.0001, 0.018, True, False),  # 0.0089
+        (-0.0001, 0.018, False, False),  # the eye is behind
+        (0.018, -0.0001, False, True),  # V is
+        (0.0006, 0.0006, True, False),  # |e| = 0.0012
+        (0.0004, 0.0004, False, True),  # 0.0008: between eye and V rather than a reflection
+    ],
+)
+def test_an_answer_is_valid_by_both_sides_its_gradient_and_the_length_of_e(cos_eye, cos_V, valid, behind):
+    north = np.array([0.0, 0.0, 1.0])
+    where = place((north + 2 * towards(cos_V, -1))[None], north + 3 * towards(cos_eye, 1), north, (0.0, 1.0, 0.0))
+    one = dr.full(mi.Bool, True, 1)
+    for closed in (True, False):
+        u = mi.Vector3f(points(north[None]))
+        s = secant.judged(star_of("sphere"), where, u, one & closed, mi.UInt32(3), mi.UInt32(1), one)
+        assert bool(flags(s)[0][0]) == (valid and closed)
+        assert bool(flags(s)[1][0]) == behind
+        np.testing.assert_allclose(np.array(s.e), np.linalg.norm(towards(cos_eye, 1) + towards(cos_V, -1)), atol=1e-6)
+
+
 # The whole, where it has been measured.
 
 
@@ -381,6 +427,9 @@ def test_what_lies_beyond_a_rim_does_not_converge():
     s = solved(half, place(V, eye, up=(0, 0, 1)), start="near")
     whole = solved(star_of("sphere"), place(V, eye, up=(0, 0, 1)), start="near")
     texel = 0.05
+    # Even started there: beyond the rim, the map goes on.
+    warm = flags(solved(half, place(V, eye, up=(0, 0, 1)), last=R))[0]
+    assert not warm[R[:, 2] < -texel].any() and warm[R[:, 2] > texel].mean() > 0.9
     there, on_whole = flags(s)[0], flags(whole)[0]
     assert (R[:, 2] < -texel).sum() > 50
     assert not there[R[:, 2] < -texel].any()

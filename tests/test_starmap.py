@@ -167,6 +167,22 @@ def test_rays_do_not_slip_through_edges_that_they_run_along(name, n):
     assert np.array(starmap.build(mesh.vertices, mesh.normals, mesh.faces, n).covered).all()
 
 
+def test_a_hole_that_no_ray_in_a_thousand_meets_is_no_rim():
+    """A triangle lost in export: around it, the mirror goes on as beside it."""
+    whole = Sphere().mesh(5)
+    u = unit(whole.vertices[whole.faces[7]].mean(axis=0, keepdims=True))
+    faces = np.delete(whole.faces, [7, 8, 9], axis=0)
+    star = starmap.build(whole.vertices, whole.normals, faces, 64)
+    assert np.array(star.covered).all()
+    r, gradient = sampled(star, np.concatenate([u, directions(5)]))
+    np.testing.assert_allclose(r, 1, atol=1e-3)
+    np.testing.assert_allclose(gradient, 0, atol=0.05)  # of the nearest texel's normal, 0.03 away
+    # Ten times as large, it is one.
+    hole = np.linalg.norm(whole.vertices[whole.faces].mean(axis=1) - u, axis=1) < 0.2
+    star = starmap.build(whole.vertices, whole.normals, whole.faces[~hole], 64)
+    assert 0.001 < 1 - np.array(star.covered).mean() < 0.02
+
+
 # Refused.
 
 
