@@ -16,7 +16,7 @@ from star_shapes import Bumpy, Cylinder, Ellipsoid, Sphere, lowest, truths
 from truth_shapes import alhazen, unit
 
 from benchharness import truth
-from benchharness.kernels import newton
+from benchharness.kernels import newton, starmap
 from benchharness.scene import Mesh
 from scenes import bowls
 
@@ -351,6 +351,57 @@ def test_a_ray_from_a_centre_says_where_on_the_mesh(name):
     assert not np.array(met).any() and np.array(none.triangle)[0] == 0
 
 
+def test_rays_do_not_slip_through_edges_that_they_run_along():
+    """As the texels of a star map and the meridians of a mesh do."""
+    u = starmap.directions(64)
+    _, met = newton.located(ready("meridians"), mi.Point3f(0), mi.Vector3f(points(u)), dr.full(mi.Bool, True, len(u)))
+    assert np.array(met).all()
+
+
+def test_a_step_is_newtons_for_half_vector_and_interpolated_normal():
+    """On one triangle, as large as its normals' turn: the float64 oracle's equations, with numerical derivatives."""
+    rng = np.random.default_rng(12)
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.1, 0.2], [0.2, 0.9, -0.1]])
+    normals = unit(np.cross(corners[1], corners[2]) + 0.4 * rng.normal(size=(3, 3)))
+    mirror = newton.mesh(corners, normals, np.array([[0, 1, 2]]))
+    # Vertices made from their reflection points, looked at from beside them: a little, or as far as the triangle reaches.
+    b = rng.uniform(0.1, 0.45, (200, 2))
+    weights = np.column_stack([1 - b.sum(axis=1), b])
+    R, N = weights @ corners, unit(weights @ normals)
+    w = unit(EYE - R)
+    V = R + rng.uniform(0.3, 2, (200, 1)) * (2 * (w * N).sum(axis=1, keepdims=True) * N - w)
+    b = b + rng.uniform(-1, 1, (200, 2)) * np.where(np.arange(200) < 150, 0.05, 0.3)[:, None]
+    at = newton.look(mirror, place(V), newton.Where(dr.zeros(mi.UInt32, 200), mi.Point2f(b.T.astype(np.float32))), True)
+    p, n = np.broadcast_to(corners, (200, 3, 3)), np.broadcast_to(normals, (200, 3, 3))
+
+    def f(b):
+        return truth._mismatch(b, p, n, EYE, V)[0]
+
+    h = 1e-6
+    J = np.stack([(f(b + h * d) - f(b - h * d)) / (2 * h) for d in np.eye(2)], axis=-1)
+    expected = np.linalg.solve(J, -f(b)[..., None])[..., 0]
+    got = np.array(at.step_b, np.float64).T
+    edges, longest = corners[1:] - corners[0], newton.LONGEST * np.array(mirror.size)[0]
+    far = np.linalg.norm(expected @ edges, axis=1) > longest
+    assert 5 < far.sum() < 100
+    np.testing.assert_allclose(got[~far], expected[~far], atol=1e-4)
+    # A step that would be longer has the same direction, and is as long as allowed.
+    length = np.linalg.norm(got @ edges, axis=1)
+    np.testing.assert_allclose(length[far], longest, rtol=1e-4)
+    np.testing.assert_allclose(unit(got)[far], unit(expected)[far], atol=2e-3)
+    np.testing.assert_allclose(host(at.step), got @ edges, atol=1e-5)
+
+
+def test_what_touches_a_sheet_on_the_side_that_is_no_mirror_is_not_reflected():
+    mesh = turned_over(hemisphere())  # looks outward
+    V = unit(np.array([[0.1, 0.2, 1.0], [-0.3, 0.1, 0.8]]))
+    onto = mesh.vertices[np.linalg.norm(mesh.vertices - V[:, None], axis=2).argmin(axis=1)] * (1 - 1e-7)
+    for backs in (True, False):
+        s, sight = walked(newton.mesh(mesh.vertices, mesh.normals, mesh.faces, backs), place(onto, LOWER, (0.0, 0.0, 1.0)))
+        assert np.array(sight.touches).all()
+        assert (np.array(s.converged) == backs).all()
+
+
 # What stands between.
 
 
@@ -416,7 +467,7 @@ def test_a_dent_makes_it_concave_and_rounding_does_not():
     round_[0, 0] = 0
     for bend, convex in ((0.0, True), (0.04, False)):
         cap = np.stack([r, 0.9 - bend * (1 - 0.9**2) + bend * r**2], axis=1)
-        made = trimesh.creation.revolve(np.concatenate([round_[:-1], cap]), sections=64)
+        made = trimesh.creation.revolve(np.concatenate([round_[:-1], cap]), sections=256)
         assert newton.is_convex(made.vertices, made.faces) is convex
     rough = (mesh.vertices + 100).astype(np.float32).astype(np.float64)
     assert newton.is_convex(rough, mesh.faces)

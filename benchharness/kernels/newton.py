@@ -152,7 +152,7 @@ def is_convex(vertices: np.ndarray, faces: np.ndarray) -> bool:
     holds no more than it does itself.
     """
     solid = trimesh.Trimesh(vertices, faces)
-    if not (solid.is_convex and solid.is_winding_consistent) or solid.volume <= 0:
+    if not (solid.is_convex and solid.is_winding_consistent):
         return False
     return bool(solid.convex_hull.volume - solid.volume < ROUNDING * solid.scale * solid.area)
 
