@@ -175,13 +175,13 @@ def chart(found: Found, path: Path) -> None:
             cost = f" ({slope['ms_per_1000_vertices']:.2f} ms per 1000)" if "r2" in slope else ""
             time.plot(n / 1e3, ms, "o-", ms=4, lw=1, color=colours[name], label=f"{name}{cost}")
             if name != NONE:
-                error.plot(n, [r["flip"] for r in rows], "o-", ms=4, lw=1, color=colours[name], label=name)
+                error.plot(n / 1e3, [r["flip"] for r in rows], "o-", ms=4, lw=1, color=colours[name], label=name)
         time.set(xlabel="thousand vertices", ylabel="frame, ms", title=f"{detail}: cost of a vertex", xlim=(0, None))
         time.set(ylim=(0, None))
-        error.set(xlabel="vertices", ylabel="FLIP in the mirror (lower is better)", xscale="log", yscale="log")
+        error.set(xlabel="thousand vertices", ylabel="FLIP in the mirror (lower is better)", xlim=(0, None), yscale="log")
         error.set(title=f"{detail}: error left by the tessellation")
         for axes in (time, error):
             axes.grid(alpha=0.25)
         time.legend(fontsize=7, frameon=False)
-        error.legend(fontsize=7, frameon=False, loc="best")
+        error.legend(fontsize=7, frameon=False, loc="upper right", bbox_to_anchor=(1.0, 0.93))
     figure.savefig(path)
