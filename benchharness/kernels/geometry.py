@@ -59,6 +59,17 @@ def upload(meshes: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], shine: l
     )
 
 
+def ray_scene(vertices: np.ndarray, faces: np.ndarray):
+    """A Mitsuba scene of one mesh [V, 3], [F, 3], whose edges no ray slips through, as it does by default where it runs along
+    them."""
+    mesh = mi.Mesh("surface", len(vertices), len(faces))
+    params = mi.traverse(mesh)
+    params["vertex_positions"] = mi.Float(np.asarray(vertices, np.float32).ravel())
+    params["faces"] = mi.UInt32(np.asarray(faces, np.uint32).ravel())
+    params.update()
+    return mi.load_dict({"type": "scene", "embree_use_robust_intersections": True, "surface": mesh})
+
+
 def part_of(face: mi.Vector4u) -> mi.UInt32:
     """The number of the part that a triangle belongs to."""
     return face.w & (raster.CLOSED - 1)

@@ -110,11 +110,6 @@ class Point:
 
 def mesh(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, backs: bool = True) -> Mesh:
     """From host arrays [V, 3], [V, 3], [F, 3] in object space. `backs`: whether an open mesh is a mirror on its back too."""
-    surface = mi.Mesh("mirror", len(vertices), len(faces))
-    params = mi.traverse(surface)
-    params["vertex_positions"] = mi.Float(np.asarray(vertices, np.float32).ravel())
-    params["faces"] = mi.UInt32(np.asarray(faces, np.uint32).ravel())
-    params.update()
     zero = np.zeros((len(vertices), 1))
     packed = np.hstack([vertices, zero, normals, zero]).astype(np.float32)
     tags = np.where(geometry.closed_faces(vertices, faces) | (not backs), raster.CLOSED, 0)
@@ -127,10 +122,9 @@ def mesh(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, backs: bo
     middles = np.hstack([vertices[faces[chosen]].mean(axis=1), both, middle_n, 0 * both]).astype(np.float32)
     candidates = mi.UInt32(chosen.astype(np.uint32))
     dr.make_opaque(size, candidates)
-    scene = mi.load_dict({"type": "scene", "embree_use_robust_intersections": True, "mirror": surface})
     return Mesh(
-        scene, mi.Float(packed.ravel()), mi.UInt32(quads.ravel()), candidates, mi.Float(middles.ravel()), size,
-        is_convex(vertices, faces),
+        geometry.ray_scene(vertices, faces), mi.Float(packed.ravel()), mi.UInt32(quads.ravel()), candidates,
+        mi.Float(middles.ravel()), size, is_convex(vertices, faces),
     )  # fmt: skip
 
 

@@ -20,7 +20,7 @@ import mitsuba as mi
 import numpy as np
 from scipy.spatial import KDTree
 
-from benchharness.kernels import cubemap
+from benchharness.kernels import cubemap, geometry
 
 TOLERATED = 1e-3  # share of the directions that may meet nothing, or the surface again, by the rounding of a ray at an edge
 STEP = 1e-4  # a second hit is looked for this much further, relative to the first
@@ -110,13 +110,8 @@ def build(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, n: int) 
 
 def _met(vertices, normals, faces, centre, d) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Where rays from `centre` along d [T, 3] meet the mesh: distance [T], unit normal [T, 3], hit [T], hit again [T]."""
-    mesh = mi.Mesh("surface", len(vertices), len(faces))
-    params = mi.traverse(mesh)
-    params["vertex_positions"] = mi.Float(np.asarray(vertices - centre, np.float32).ravel())
-    params["faces"] = mi.UInt32(np.asarray(faces, np.uint32).ravel())
-    params.update()
-    # Texels and vertices often lie on the same meridians: without this, rays slip through edges that they run along.
-    scene = mi.load_dict({"type": "scene", "embree_use_robust_intersections": True, "surface": mesh})
+    # Texels and vertices often lie on the same meridians.
+    scene = geometry.ray_scene(vertices - centre, faces)
     ray = mi.Vector3f(np.asarray(d, np.float32).T)
     first = scene.ray_intersect_preliminary(mi.Ray3f(mi.Point3f(0), ray))
     hit = first.is_valid()
