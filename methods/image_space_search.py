@@ -152,10 +152,7 @@ def _search(
     cold_column, cold_row = search.middle(texels, window)
 
     # Start: where the last search ended, unless the view was cut or the reflector is not there any more.
-    lane = dr.arange(mi.UInt32, count)
-    V = dr.gather(mi.Vector4f, points, lane)
-    active = (mi.UInt32(V.w) != part) & (mi.UInt32(V.w) < shown_parts)
-    V = mi.Point3f(V.x, V.y, V.z)
+    lane, V, active = vertexwise.vertices(points, part, shown_parts, count)
     column, row = window.texel(last.codes)
     stays = (last.codes != COLD) & ~vertexwise.was_cut(view, last_view)
     if options.warm == "point":

@@ -108,10 +108,7 @@ def _solve(
     points, shown_parts, mesh: newton.Mesh, pose: list, part, view: View, last_view: View, last: Ends, count: int, max_iter
 ):
     """Virtual vertices, where the walks ended, and what is reported of each vertex."""
-    lane = dr.arange(mi.UInt32, count)
-    V = dr.gather(mi.Vector4f, points, lane)
-    active = (mi.UInt32(V.w) != part) & (mi.UInt32(V.w) < shown_parts)
-    V = mi.Point3f(V.x, V.y, V.z)
+    lane, V, active = vertexwise.vertices(points, part, shown_parts, count)
     where = placement.place(pose, V, view)
 
     # The mirror between eye and vertex hides it for certain if it is convex.

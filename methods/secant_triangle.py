@@ -196,10 +196,7 @@ def _solve(
 ):  # fmt: skip
     """Virtual vertices, where the searches ended, what is reported of each vertex, and how often a sample came back."""
     star, mesh = mirror.star, mirror.mesh
-    lane = dr.arange(mi.UInt32, count)
-    V = dr.gather(mi.Vector4f, points, lane)
-    active = (mi.UInt32(V.w) != part) & (mi.UInt32(V.w) < shown_parts)
-    V = mi.Point3f(V.x, V.y, V.z)
+    lane, V, active = vertexwise.vertices(points, part, shown_parts, count)
     where = placement.place(pose, V, view)
 
     # The mirror between eye and vertex hides it for certain if it is convex.
@@ -207,7 +204,7 @@ def _solve(
     sight = newton.look_at(mesh, where, active) if rays else None
     shadow = sight.shadow if sight is not None else mi.Bool(False)
     searched = active & ~shadow if mesh.convex else mi.Bool(active)
-    triangle = active & ~shadow  # what is in the shadow of another mirror may be reflected, but not near where a sphere would
+    triangle = active & ~shadow  # in the shadow of one that is not convex, V may be reflected, but not where a sphere would
 
     # The triangle, and Newton's method after it.
     warm = last.warm & ~vertexwise.was_cut(view, last_view)

@@ -137,6 +137,14 @@ def was_cut(view, last) -> mi.Bool:
     return turned | zoomed | mi.Bool((view.width, view.height) != (last.width, last.height))
 
 
+def vertices(points: mi.Float, part: mi.UInt32, shown_parts: mi.UInt32, count: int) -> tuple[mi.UInt32, mi.Point3f, mi.Bool]:
+    """Lane, position and whether it is searched, of every vertex: those of the mirror's own part and of parts left out
+    (`Scenery.parts_shown`) are not."""
+    lane = dr.arange(mi.UInt32, count)
+    V = dr.gather(mi.Vector4f, points, lane)
+    return lane, mi.Point3f(V.x, V.y, V.z), (mi.UInt32(V.w) != part) & (mi.UInt32(V.w) < shown_parts)
+
+
 def packets(values: mi.Point3f, fourth: mi.Float, lane: mi.UInt32, count: int) -> mi.Float:
     """Points and a fourth number, 4 floats per vertex."""
     out = dr.empty(mi.Float, 4 * count)
