@@ -20,7 +20,7 @@ import trimesh
 from benchharness.scene import Camera, Mesh, Motion, Object, Reflector, Scene, merged
 from scenes import insects, picnic
 from scenes.insects import Fineness
-from scenes.shapes import Colour, placed, pose
+from scenes.shapes import Colour, gently, mixed, placed, pose, way_to
 
 DetailName = Literal["lean", "paper"]
 EYES = 8
@@ -143,11 +143,9 @@ class Approach:
     duration: float = (FRAMES - 1) / FPS
 
     def __call__(self, time: float) -> Camera:
-        s = float(np.clip(time / self.duration, 0.0, 1.0))
-        s += np.sin(2 * np.pi * s) * -0.6 / (2 * np.pi)  # speed 1 - 0.6 cos: from 0.4 to 1.6 of the mean
-        azimuth, elevation = (np.radians((1 - s) * a + s * b) for a, b in (self.azimuth_deg, self.elevation_deg))
-        distance = (1 - s) * self.distance[0] + s * self.distance[1]
-        way = np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
+        s = gently(time, self.duration)
+        way = way_to(mixed(self.azimuth_deg, s), mixed(self.elevation_deg, s))
+        distance = mixed(self.distance, s)
         return Camera(tuple((np.asarray(self.target) + distance * way).tolist()), self.target, fov_deg=38.0)
 
 

@@ -27,7 +27,7 @@ import numpy as np
 from benchharness.scene import Camera, Gloss, Mesh, Object, PointLight, Scene, merged
 from scenes import kettle_body, kettle_figure, kettle_room, kitchen_room, kitchenware
 from scenes.kettle_room import CLOTH, HEIGHT
-from scenes.shapes import Colour, arc, ball, lathe, placed, tube
+from scenes.shapes import Colour, arc, ball, gently, lathe, mixed, placed, tube, way_to
 
 DetailName = Literal["lean", "paper"]
 
@@ -139,12 +139,9 @@ class Orbit:
     duration: float = (FRAMES - 1) / FPS
 
     def __call__(self, time: float) -> Camera:
-        s = float(np.clip(time / self.duration, 0.0, 1.0))
-        s += np.sin(2 * np.pi * s) * -0.6 / (2 * np.pi)  # speed 1 - 0.6 cos: from 0.4 to 1.6 of the mean
-        mix = lambda ends: (1 - s) * ends[0] + s * ends[1]  # noqa: E731
-        azimuth, elevation = np.radians(mix(self.azimuth_deg)), np.radians(mix(self.elevation_deg))
-        way = np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
-        eye = np.asarray(self.target) + mix(self.distance) * way
+        s = gently(time, self.duration)
+        way = way_to(mixed(self.azimuth_deg, s), mixed(self.elevation_deg, s))
+        eye = np.asarray(self.target) + mixed(self.distance, s) * way
         return Camera(tuple(eye.tolist()), self.target, fov_deg=42.0)
 
 

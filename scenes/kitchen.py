@@ -19,7 +19,7 @@ import numpy as np
 
 from benchharness.scene import Camera, Mesh, Motion, Object, Reflector, Scene, merged
 from scenes import bowls, kitchen_room, kitchenware
-from scenes.shapes import Colour, bar, box, contact_sheet, lathe, placed, pose, tiles
+from scenes.shapes import Colour, bar, box, contact_sheet, gently, lathe, mixed, placed, pose, tiles, way_to
 
 DetailName = Literal["lean", "paper"]
 BowlName = Literal["convex", "concave", "torus"]
@@ -119,14 +119,11 @@ class Dolly:
     duration: float = (FRAMES - 1) / FPS
 
     def __call__(self, time: float) -> Camera:
-        s = float(np.clip(time / self.duration, 0.0, 1.0))
-        s += np.sin(2 * np.pi * s) * -0.6 / (2 * np.pi)  # speed 1 - 0.6 cos: from 0.4 to 1.6 of the mean
-        mix = lambda ends: (1 - s) * ends[0] + s * ends[1]  # noqa: E731
-        azimuth, elevation = np.radians(mix(self.azimuth_deg)), np.radians(mix(self.elevation_deg))
+        s = gently(time, self.duration)
+        way = way_to(mixed(self.azimuth_deg, s), mixed(self.elevation_deg, s))
         distance = self.distance[0] * (self.distance[1] / self.distance[0]) ** s
-        way = np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
         eye = np.asarray(self.centre) + distance * way
-        target = np.add(self.centre, [0.0, 0.0, mix(self.look_above)])
+        target = np.add(self.centre, [0.0, 0.0, mixed(self.look_above, s)])
         return Camera(tuple(eye.tolist()), tuple(target.tolist()), fov_deg=45.0)
 
 

@@ -303,3 +303,20 @@ def contact_sheet(lo, hi, z: float, spacing: float, feet: Sequence[tuple[float, 
     faces = faces[abs(area) > 1e-9]
     vertices = np.column_stack([points, np.full(len(points), z)])
     return Mesh(vertices, faces, np.tile([0.0, 0.0, 1.0], (len(points), 1)), albedo)
+
+
+def gently(time: float, duration: float) -> float:
+    """Share of a way, 0 to 1, that sets out and arrives gently: at `time` of `duration` seconds, and within both ends."""
+    s = float(np.clip(time / duration, 0.0, 1.0))
+    return s + np.sin(2 * np.pi * s) * -0.6 / (2 * np.pi)  # speed 1 - 0.6 cos: from 0.4 to 1.6 of the mean
+
+
+def mixed(ends: tuple[float, float], s: float) -> float:
+    """From the first to the second, linear in the share `s`."""
+    return (1 - s) * ends[0] + s * ends[1]
+
+
+def way_to(azimuth_deg: float, elevation_deg: float) -> np.ndarray:
+    """Unit vector, float64 [3]; azimuth from x towards y, elevation towards z."""
+    azimuth, elevation = np.radians(azimuth_deg), np.radians(elevation_deg)
+    return np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
