@@ -4,9 +4,10 @@ A scene is objects that are seen in mirrors, reflectors that are the mirrors, an
 float64 NumPy on the host, right-handed, z up, in metres and seconds; radiance and albedo are linear RGB.
 
 Surfaces are diffuse, one-sided in spirit and two-sided in effect: a mesh whose back can be seen should be closed.
-Light comes from objects that emit (``Mesh.emission``), from ``Scene.lights`` and from ``Scene.background``. What a
-surface sends back is not stored by the author but baked (``benchharness.bake``) into ``Mesh.radiance``, so that every
-method sees the same light. Only highlights, of point lights on objects with ``Gloss``, depend on where one looks from.
+Light comes from objects that emit (``Mesh.emission``), from ``Scene.lights`` and from the surroundings at infinity, one
+colour (``Scene.background``) or a panorama (``Scene.environment``). What a surface sends back is not stored by the author
+but baked (``benchharness.bake``) into ``Mesh.radiance``, so that every method sees the same light. Only highlights, of
+point lights on objects with ``Gloss``, depend on where one looks from.
 """
 
 from __future__ import annotations
@@ -15,6 +16,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+
+from benchharness.panorama import Environment as Environment
+from benchharness.subdivision import split_edges
 
 Motion = Callable[[float], np.ndarray]
 """Time in seconds -> rigid pose, float64 [4, 4], object to world."""
@@ -141,17 +145,7 @@ def subdivided(mesh: Mesh, h_max: float) -> Mesh:
         attributes = np.concatenate([attributes, mesh.radiance], axis=1)
     if mesh.visibility is not None:
         attributes = np.concatenate([attributes, mesh.visibility], axis=1)
-    while True:
-        edges = np.sort(np.stack([f, np.roll(f, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-        unique, inverse = np.unique(edges, axis=0, return_inverse=True)
-        split = np.linalg.norm(v[unique[:, 0]] - v[unique[:, 1]], axis=1) > h_max
-        if not split.any():
-            break
-        middle = np.full(len(unique), -1, np.int64)
-        middle[split] = len(v) + np.arange(split.sum())
-        v = np.concatenate([v, v[unique[split]].mean(axis=1)])
-        attributes = np.concatenate([attributes, attributes[unique[split]].mean(axis=1)])
-        f = _split_faces(f, middle[inverse.reshape(-1, 3)], v)
+    v, f, attributes = split_edges(v, f, attributes, h_max)
     normals = attributes[:, 0:3] / np.maximum(np.linalg.norm(attributes[:, 0:3], axis=1, keepdims=True), 1e-300)
     return Mesh(
         vertices=v,
@@ -162,42 +156,6 @@ def subdivided(mesh: Mesh, h_max: float) -> Mesh:
         radiance=attributes[:, 9:12] if mesh.radiance is not None else None,
         visibility=attributes[:, -mesh.visibility.shape[1] :] if mesh.visibility is not None else None,
     )
-
-
-def _split_faces(f: np.ndarray, middle: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Faces int64 [F, 3] with `middle` [F, 3]: the new vertex on edge (k, k+1), or -1 -> faces of the next round."""
-    count = (middle >= 0).sum(axis=1)
-    out = [f[count == 0]]
-
-    # One split edge: turn the face so that it is edge (0, 1).
-    a, m = _turned(f[count == 1], middle[count == 1], lambda m: np.argmax(m >= 0, axis=1))
-    out += [np.stack([a[:, 0], m[:, 0], a[:, 2]], axis=1), np.stack([m[:, 0], a[:, 1], a[:, 2]], axis=1)]
-
-    # Two: turn it so that edge (2, 0) is whole, then cut the remaining quad along its shorter diagonal.
-    a, m = _turned(f[count == 2], middle[count == 2], lambda m: (np.argmax(m < 0, axis=1) + 1) % 3)
-    out.append(np.stack([m[:, 0], a[:, 1], m[:, 1]], axis=1))
-    first = np.linalg.norm(v[a[:, 0]] - v[m[:, 1]], axis=1) <= np.linalg.norm(v[m[:, 0]] - v[a[:, 2]], axis=1)
-    one, two = first[:, None], ~first[:, None]
-    out += [
-        (np.stack([a[:, 0], m[:, 0], m[:, 1]], axis=1))[one[:, 0]],
-        np.stack([a[:, 0], m[:, 1], a[:, 2]], axis=1)[one[:, 0]],
-    ]
-    out += [
-        (np.stack([a[:, 0], m[:, 0], a[:, 2]], axis=1))[two[:, 0]],
-        np.stack([m[:, 0], m[:, 1], a[:, 2]], axis=1)[two[:, 0]],
-    ]
-
-    # Three: the corners and the middle.
-    a, m = f[count == 3], middle[count == 3]
-    out += [np.stack([a[:, k], m[:, k], m[:, (k + 2) % 3]], axis=1) for k in range(3)]
-    out.append(m)
-    return np.concatenate(out)
-
-
-def _turned(f: np.ndarray, middle: np.ndarray, first: Callable) -> tuple[np.ndarray, np.ndarray]:
-    """Rotates each face's corners so that corner `first(middle)` [F] comes first."""
-    order = (first(middle)[:, None] + np.arange(3)) % 3
-    return np.take_along_axis(f, order, axis=1), np.take_along_axis(middle, order, axis=1)
 
 
 @dataclass(frozen=True)
@@ -331,6 +289,8 @@ class Scene:
     frames      length of the animation; frame i is at time i / fps
     near        distance in front of the eye, in metres, below which nothing is drawn
     background  radiance of the surroundings at infinity, linear RGB
+    environment surroundings at infinity that differ by direction; ValueError beside a `background` that is not black, and
+                for a `ground` that is no object's name
     ppd         pixels per degree at which images are looked at, for FLIP
     exposure    stops (powers of two) that take the scene's radiance to display brightness, for FLIP and the pictures
     detail      "lean" or "paper"
@@ -353,10 +313,18 @@ class Scene:
     """What the builder was asked for, for the records: keyword -> value."""
     h_max: float | None = None
     lights: tuple[PointLight, ...] = ()
+    environment: Environment | None = None
 
     def __post_init__(self) -> None:
         if len(self.lights) > MOST_LIGHTS:
             raise ValueError(f"scene {self.name}: {len(self.lights)} lights; accepted: at most {MOST_LIGHTS} point lights")
+        if self.environment is None:
+            return
+        if np.any(self.background):
+            raise ValueError(f"scene {self.name}: background is {self.background} and there is an environment; accepted: one")
+        names, ground = [o.name for o in self.objects], self.environment.ground
+        if ground is not None and ground not in names:
+            raise ValueError(f"scene {self.name}: environment.ground is {ground!r}; accepted: an object, {', '.join(names)}")
 
     def time(self, frame: int) -> float:
         return frame / self.fps
