@@ -72,6 +72,10 @@ class BillboardImpostor(Method):
         answer = bounces.reflected(state.cast, frame.view, around, frame.pixels, self.others == "reflective", self.mip)
         L = answer.L * dr.exp(-self.attenuation * answer.distance) if self.attenuation > 0 else answer.L
         x, y, z, distance, tests, again = pixels.spread([L.x, L.y, L.z, answer.distance, answer.tests, answer.second], frame)
-        counters = {"quad_tests": tests, "second_order": mi.UInt32(again), "pictures_taken": mi.UInt32(len(state.taken.renewed))}
+        counters = {
+            "quad_tests": tests,
+            "second_order": mi.UInt32(again),
+            "pictures_taken": mi.UInt32(len(state.taken.renewed)),
+        }
         taken = replace(state.taken, renewed=[])
         return Reflection(mi.Color3f(x, y, z), distance, mi.Bool(frame.active), counters=counters), replace(state, taken=taken)

@@ -129,7 +129,9 @@ class Hit:
 
 
 @dr.syntax
-def nearest(boards: Billboards, pictures: Pictures, columns: int, mirror: mi.UInt32, o, d, least, spread: Spread, active) -> Hit:
+def nearest(
+    boards: Billboards, pictures: Pictures, columns: int, mirror: mi.UInt32, o, d, least, spread: Spread, active
+) -> Hit:
     """Tests the ray o + t d, t > least, against the billboards in the first `columns` columns of a mirror's list."""
     t, slot, value, tests = mi.Float(dr.inf), mi.UInt32(NONE), mi.Vector4f(0), mi.UInt32(0)
     column = mi.UInt32(0)

@@ -86,9 +86,7 @@ def _again(cast: Cast, met, o, d, mirror: mi.UInt32, apart: billboard.Spread, ac
     p = o + dr.select(active, met.t, 0) * d
     out = optics.reflect(-d, mi.Normal3f(n))
     start = _above(p, n)
-    found = billboard.nearest(
-        cast.boards, cast.pictures, cast.boards.objects, mirror, start, out, mi.Float(0), apart, active
-    )
+    found = billboard.nearest(cast.boards, cast.pictures, cast.boards.objects, mirror, start, out, mi.Float(0), apart, active)
     direction, ground = backdrop.behind(cast.backdrop, start, out)
     open_ = active & (~(found.t < ground) | (found.t == dr.inf))
     far, _ = backdrop.look_up(cast.backdrop, mirror, direction, open_)

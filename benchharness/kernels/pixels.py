@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import drjit as dr
-import mitsuba as mi
 
 
 def spread(values: list, frame) -> list:
