@@ -6,7 +6,7 @@ import drjit as dr
 
 
 def spread(values: list, frame) -> list:
-    """Arrays with a lane for each of `frame.pixels` -> with one for each pixel, 0 elsewhere. `frame`: benchharness.api.Frame."""
+    """Arrays with a lane for each of `pixels` of a `benchharness.api.Frame` -> with one for each pixel, 0 elsewhere."""
     count = frame.view.width * frame.view.height
     full = [dr.zeros(type(value), count) for value in values]
     for target, value in zip(full, values, strict=True):
