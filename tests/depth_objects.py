@@ -37,7 +37,7 @@ def comb(w=128, teeth=20):
     return depth
 
 
-def mirror_ball_rays(count, centre=(0.9, -0.2, 0.6), radius=0.75, eye=(-0.8, -0.4, 5.0), seed=5):
+def mirror_ball_rays(count, centre=(0.65, -0.15, 0.6), radius=0.75, eye=(-0.8, -0.4, 5.0), seed=5):
     """What a mirror ball reflects of the neighbourhood of (0, 0, 3): origins and directions [count, 3]."""
     rng = np.random.default_rng(seed)
     centre, eye = np.array(centre), np.array(eye)

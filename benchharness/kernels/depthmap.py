@@ -29,7 +29,6 @@ from dataclasses import dataclass
 
 import drjit as dr
 import mitsuba as mi
-import numpy as np
 
 BACKGROUND = 2.0  # zgl where nothing was seen
 COVERED = 1.5  # zgl below which something was
@@ -86,7 +85,10 @@ class Row:
 
 @dataclass
 class Segments:
-    """The segments of a lane's polyline, m at most: first and last sample, the worst in between and its error, the following."""
+    """The segments of a lane's polyline, m at most: end samples, the worst sample between and its error, the next segment.
+
+    Indices must be as wide as the lanes from the start: one that begins as a single number is taken as the same in all lanes.
+    """
 
     first: dr.Local
     last: dr.Local
@@ -103,19 +105,24 @@ def texel(depth: mi.Float, w: int, map: mi.UInt32, x: mi.Float, y: mi.Float, act
     return dr.select(inside, zgl, BACKGROUND)
 
 
+def row_at(depth: mi.Float, layout: Layout, index: mi.UInt32) -> Row:
+    """Row number `index` of all, in the order of their buffer."""
+    turn = index // layout.w
+    map = turn // layout.n
+    sine, cosine = dr.sincos(mi.Float(turn - map * layout.n) * (dr.pi / layout.n))
+    c = 0.5 * (layout.w - 1)
+    down = mi.Float(index - turn * layout.w) - c
+    x, y = c - c * cosine - down * sine, c - c * sine + down * cosine
+    return Row(depth, map, layout.w, x, y, sine, cosine)
+
+
 def build(depth: mi.Float, layout: Layout, split_jump: float | None = None) -> tuple[mi.Float, mi.UInt32]:
     """Simplified rows of all maps, and per row [count, n, w] how many spans were dropped as more than m / 2.
 
     split_jump  where neighbouring samples differ by more than this, a new span starts; None or 0: nowhere
     """
     lane = dr.arange(mi.UInt32, layout.row_count)
-    turn = lane // layout.w
-    map = turn // layout.n
-    sine, cosine = dr.sincos(mi.Float(turn - map * layout.n) * (dr.pi / layout.n))
-    c = 0.5 * (layout.w - 1)
-    down = mi.Float(lane - turn * layout.w) - c
-    x, y = c - c * cosine - down * sine, c - c * sine + down * cosine
-    row = Row(depth, map, layout.w, x, y, sine, cosine)
+    row = row_at(depth, layout, lane)
     segments = Segments(*(dr.alloc_local(kind, layout.m) for kind in (mi.UInt32, mi.UInt32, mi.UInt32, mi.Float, mi.UInt32)))
     spans, dropped = _spans(row, segments, layout.m // 2, split_jump or 0.0)
     _refine(row, segments, spans, layout.m)
@@ -125,8 +132,9 @@ def build(depth: mi.Float, layout: Layout, split_jump: float | None = None) -> t
 @dr.syntax
 def _spans(row: Row, segments: Segments, room: int, split_jump: float) -> tuple[mi.UInt32, mi.UInt32]:
     """The longest spans of the row in their order, `room` at most, the first of equals. Returns (kept, dropped)."""
+    lanes = dr.width(row.x)
     u, first = mi.UInt32(0), mi.UInt32(0)
-    kept, dropped = mi.UInt32(0), mi.UInt32(0)
+    kept, dropped = dr.zeros(mi.UInt32, lanes), mi.UInt32(0)
     before = mi.Float(BACKGROUND)
     while dr.hint(u <= row.w, label="find the spans of a row"):
         zgl = row.sample(u, u < row.w)
@@ -134,31 +142,32 @@ def _spans(row: Row, segments: Segments, room: int, split_jump: float) -> tuple[
         joined = covered & was_covered
         if dr.hint(split_jump > 0, mode="scalar"):
             joined &= dr.abs(zgl - before) <= split_jump
-        if was_covered & ~joined:
-            length = u - first
-            if kept == room:
-                # The shortest gives way, the last of equals; those behind it move up.
-                k, shortest, least = mi.UInt32(0), mi.UInt32(0), mi.UInt32(NONE)
-                while dr.hint(k < room, label="find the shortest span"):
-                    other = segments.last[k] - segments.first[k] + 1
-                    if other <= least:
-                        least, shortest = mi.UInt32(other), mi.UInt32(k)
-                    k += 1
-                dropped += 1
-                if length > least:
-                    k = mi.UInt32(shortest)
-                    while dr.hint(k + 1 < room, label="close the gap"):
-                        segments.first.write(segments.first[k + 1], k)
-                        segments.last.write(segments.last[k + 1], k)
-                        k += 1
-                    segments.first.write(first, k)
-                    segments.last.write(u - 1, k)
-            else:
-                segments.first.write(first, kept)
-                segments.last.write(u - 1, kept)
-                kept += 1
-        if covered & ~joined:
-            first = mi.UInt32(u)
+        ended = was_covered & ~joined
+        begun = covered & ~joined
+        length = u - first
+
+        # No room: the shortest gives way, the last of equals, and those behind it move up. Or this one is shorter still.
+        crowded = ended & (kept == room)
+        k, shortest, least = dr.zeros(mi.UInt32, lanes), dr.zeros(mi.UInt32, lanes), mi.UInt32(NONE)
+        while dr.hint(crowded & (k < room), label="find the shortest span"):
+            other = segments.last[k] - segments.first[k] + 1
+            shorter = other <= least
+            least, shortest = dr.select(shorter, other, least), dr.select(shorter, k, shortest)
+            k += 1
+        replaced = crowded & (length > least)
+        k = mi.UInt32(shortest)
+        while dr.hint(replaced & (k + 1 < room), label="close the gap"):
+            segments.first.write(segments.first[k + 1], k)
+            segments.last.write(segments.last[k + 1], k)
+            k += 1
+
+        taken = ended & (~crowded | replaced)
+        slot = dr.minimum(kept, room - 1)
+        segments.first.write(first, slot, taken)
+        segments.last.write(u - 1, slot, taken)
+        kept += dr.select(taken & ~crowded, 1, 0)
+        dropped += dr.select(crowded, 1, 0)
+        first = dr.select(begun, u, first)
         before = mi.Float(zgl)
         u += 1
     return kept, dropped
@@ -189,7 +198,8 @@ def _scan(row: Row, first, middle, last):
 @dr.syntax
 def _refine(row: Row, segments: Segments, spans: mi.UInt32, m: int) -> None:
     """Splits the worst segment at its worst sample while there is room for a point."""
-    k, points = mi.UInt32(0), mi.UInt32(0)
+    lanes = dr.width(row.x)
+    k, points = dr.zeros(mi.UInt32, lanes), mi.UInt32(0)
     while dr.hint(k < spans, label="spans as segments"):
         first, last = segments.first[k], segments.last[k]
         worst, error, _, _ = _scan(row, first, last, last)
@@ -202,27 +212,25 @@ def _refine(row: Row, segments: Segments, spans: mi.UInt32, m: int) -> None:
     count = mi.UInt32(spans)
     running = (points < m) & (spans > 0)
     while dr.hint(running, label="split the worst segment"):
-        k, worst, error = mi.UInt32(0), mi.UInt32(0), mi.Float(-1)
+        k, worst, error = dr.zeros(mi.UInt32, lanes), dr.zeros(mi.UInt32, lanes), mi.Float(-1)
         while dr.hint(k < count, label="find the worst segment"):
             other = segments.error[k]
-            if other > error:
-                worst, error = mi.UInt32(k), mi.Float(other)
+            worse = other > error
+            worst, error = dr.select(worse, k, worst), dr.select(worse, other, error)
             k += 1
-        if error > ROUNDING:
-            first, middle, last = segments.first[worst], segments.worst[worst], segments.last[worst]
-            left, error_left, right, error_right = _scan(row, first, middle, last)
-            segments.first.write(middle, count)
-            segments.last.write(last, count)
-            segments.worst.write(right, count)
-            segments.error.write(error_right, count)
-            segments.following.write(segments.following[worst], count)
-            segments.last.write(middle, worst)
-            segments.worst.write(left, worst)
-            segments.error.write(error_left, worst)
-            segments.following.write(count, worst)
-            count += 1
-            points += 1
-        running = (points < m) & (error > ROUNDING)
+        running &= error > ROUNDING
+        first, middle, last = (part.read(worst, running) for part in (segments.first, segments.worst, segments.last))
+        left, error_left, right, error_right = _scan(row, first, middle, last)
+        following = segments.following.read(worst, running)
+        for part, of_left, of_right in (
+            (segments.first, first, middle), (segments.last, middle, last), (segments.worst, left, right),
+            (segments.error, error_left, error_right), (segments.following, count, following),
+        ):  # fmt: skip
+            part.write(of_right, count, running)
+            part.write(of_left, worst, running)
+        count += dr.select(running, 1, 0)
+        points += dr.select(running, 1, 0)
+        running &= points < m
 
 
 @dr.syntax
@@ -236,17 +244,16 @@ def _written(row: Row, segments: Segments, spans: mi.UInt32, lane: mi.UInt32, la
     while dr.hint(packet < layout.m // 2, label="write a row"):
         two = []
         for _ in range(2):
-            if k != NONE:
-                first, last, following = segments.first[k], segments.last[k], segments.following[k]
-                at = dr.select(at_end, last, first)
-                is_up = at_end | (first == last)
-                zgl = row.sample(at)
-                u = dr.select(is_up, -(mi.Float(at) + 1), mi.Float(at))
-                goes_on = mi.Bool(False)
-                if following != NONE:
-                    goes_on = segments.first[following] == last
-                at_end = ~is_up & ~goes_on
-                k = dr.select(is_up | goes_on, following, k)
+            active = k != NONE
+            first, last, following = (part.read(k, active) for part in (segments.first, segments.last, segments.following))
+            at = dr.select(at_end, last, first)
+            is_up = at_end | (first == last)
+            zgl = dr.select(active, row.sample(at, active), zgl)
+            u = dr.select(active, dr.select(is_up, -(mi.Float(at) + 1), mi.Float(at)), u)
+            is_followed = active & (following != NONE)
+            goes_on = is_followed & (segments.first.read(following, is_followed) == last)
+            k = dr.select(active & (is_up | goes_on), following, k)
+            at_end = active & ~is_up & ~goes_on
             two += [mi.Float(u), mi.Float(zgl)]
         dr.scatter(rows, mi.Vector4f(*two), lane * (layout.m // 2) + packet)
         packet += 1
