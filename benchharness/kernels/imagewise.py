@@ -24,6 +24,7 @@ from benchharness.kernels import (
     bounces,
     cubemap,
     depthmap,
+    depthrows,
     geometry,
     impostor,
     optics,
@@ -279,7 +280,7 @@ def _take(on: Stage, world: geometry.Geometry, slot: Slot, stand: impostor.Stand
 def _simplified(depth: mi.Float, options: Options) -> tuple[mi.Float, mi.UInt32]:
     """The rows of one depth map, and how many spans of them were dropped."""
     layout = depthmap.Layout(1, options.size, options.rotations, options.points)
-    rows, dropped = depthmap.build(depth, layout, options.jump)
+    rows, dropped = depthrows.build(depth, layout, options.jump)
     dropped = dr.sum(dropped)
     dr.eval(rows, dropped)
     return rows, dropped
