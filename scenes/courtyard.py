@@ -50,7 +50,7 @@ def floor() -> Object:
         s, t = (a.ravel() / n for a in np.meshgrid(np.arange(n + 1), np.arange(n + 1)))
         corner = np.column_stack([i[chosen], j[chosen]])[:, None] + np.column_stack([s, t])
         quad = np.array([k * (n + 1) + m for k in range(n) for m in range(n)])[:, None]
-        faces = np.concatenate([quad + [0, 1, n + 2], quad + [0, n + 2, n + 1]])
+        faces = np.concatenate([np.add(quad, [0, 1, n + 2]), np.add(quad, [0, n + 2, n + 1])])
         faces = faces + (n + 1) ** 2 * np.arange(len(chosen))[:, None, None]
         white = np.repeat((i + j)[chosen] % 2 == 0, (n + 1) ** 2)
         points = np.pad(SQUARE * corner.reshape(-1, 2), ((0, 0), (0, 1)))

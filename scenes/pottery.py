@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -171,7 +170,7 @@ def _swept(stations: np.ndarray, around: int) -> Mesh:
         up, dup = np.array([np.cos(turn), 0, np.sin(turn)]), dturn * np.array([-np.sin(turn), 0, np.cos(turn)])
         side = np.array([0.0, 1.0, 0.0])
         vertices.append([x, 0, z] + a * np.outer(c, up) + b * np.outer(s, side))
-        along = [dx, 0, dz] + np.outer(c, da * up + a * dup) + np.outer(s, db * side)
+        along = np.array([dx, 0, dz]) + np.outer(c, da * up + a * dup) + np.outer(s, db * side)
         across = -a * np.outer(s, up) + b * np.outer(c, side)
         n = np.cross(across, along)
         normals.append(n / np.linalg.norm(n, axis=1, keepdims=True))
