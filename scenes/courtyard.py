@@ -22,7 +22,7 @@ WHITE: Colour = (0.80, 0.775, 0.73)
 BLACK: Colour = (0.055, 0.055, 0.06)
 CENTRE = (0.0, 0.0, 0.30)
 """Where the panorama is taken, metres."""
-LIGHT: Colour = (1.633, 1.564, 1.560)
+LIGHT: Colour = (1.820, 1.807, 1.881)
 """Irradiance of the open floor over π: the radiance of a white floor under the panorama's upper half."""
 ROWS = 768
 """Of the panorama: one sample is 0.18 degrees, 2.5 pixels of the pictures."""

@@ -346,9 +346,11 @@ def _door_wall(out: Array, light: Array, u: Array, z: Array, wu: Array, wz: Arra
         out = laid(out, 0.84 * PLASTER, rectangle(u, z, np.add(lo, 0.03), np.subtract(hi, 0.03), wu, wz))
     out = laid(out, (0.62, 0.45, 0.18), within(np.hypot(u - 0.88, z - 1.0) - 0.03, np.maximum(wu, wz)))
     cloth = np.array([0.10, 0.24, 0.26])
-    for lo, hi, tone in (((-1.9, 0.1), (0.2, 0.42), 0.75), ((-1.75, 0.40), (0.05, 0.86), 1.15), ((-1.75, 0.36), (-0.87, 0.54), 1.45),
-                         ((-0.83, 0.36), (0.05, 0.54), 1.45), ((-2.0, 0.1), (-1.72, 0.66), 1.0), ((0.02, 0.1), (0.30, 0.66), 1.0)):  # fmt: skip
-        out = laid(out, tone * cloth, rectangle(u, z, lo, hi, wu, wz))
+    for left, right, foot, top, tone in (
+        (-1.9, 0.2, 0.1, 0.42, 0.75), (-1.75, 0.05, 0.40, 0.86, 1.15), (-1.75, -0.87, 0.36, 0.54, 1.45),
+        (-0.83, 0.05, 0.36, 0.54, 1.45), (-2.0, -1.72, 0.1, 0.66, 1.0), (0.02, 0.30, 0.1, 0.66, 1.0),
+    ):  # fmt: skip
+        out = laid(out, tone * cloth, rectangle(u, z, (left, foot), (right, top), wu, wz))
     for middle, colour in ((-1.5, (0.70, 0.42, 0.10)), (-0.2, (0.62, 0.14, 0.10))):  # cushions
         away = np.maximum(abs(u - middle + 0.2 * (z - 0.7)), abs(z - 0.70 - 0.2 * (u - middle)))
         out = laid(out, colour, within(away - 0.17, np.maximum(wu, wz)))
