@@ -3,7 +3,7 @@
 The type is that of M. Newell's teapot of 1975; the curves are our own. All lengths are shares of the radius of the belly;
 z = 0 is what it stands on, the axis is z, the spout points to +x. Three pieces, each closed by itself; the ends of spout
 and handle lie inside the body. Normals are those of the true surfaces, from the derivatives of their curves; vertices are
-doubled at the edges alone: around the bottom, in the groove between body and lid, and at the ends inside the body.
+doubled at the edges alone: around the bottom, where the belly leaves the foot, in the groove of the lid, and at the ends inside the body.
 """
 
 from __future__ import annotations
@@ -18,10 +18,11 @@ from benchharness.scene import Mesh, merged
 
 Curve = Sequence[tuple[float, float]]
 
-BOTTOM: Curve = ((0.0, 0.0), (0.24, 0.0), (0.48, 0.0), (0.70, 0.0))
+BOTTOM: Curve = ((0.0, 0.0), (0.22, 0.0), (0.44, 0.0), (0.66, 0.0))
+FOOT: Curve = ((0.66, 0.0), (0.715, 0.0), (0.735, 0.045), (0.685, 0.075))
 BODY: tuple[Curve, ...] = (
-    ((0.70, 0.0), (0.69, 0.07), (1.0, 0.13), (1.0, 0.46)),
-    ((1.0, 0.46), (1.0, 0.77), (0.875, 0.985), (0.755, 1.13)),
+    ((0.685, 0.075), (0.87, 0.105), (1.0, 0.24), (1.0, 0.48)),
+    ((1.0, 0.48), (1.0, 0.79), (0.875, 0.985), (0.755, 1.13)),
     ((0.755, 1.13), (0.715, 1.1783), (0.665, 1.19), (0.66, 1.135)),
 )
 LID: tuple[Curve, ...] = (
@@ -74,7 +75,7 @@ class Fineness:
 def teapot(radius: float, fine: Fineness) -> Mesh:
     """A teapot with a belly of `radius` metres, around the origin on z = 0."""
     pieces = [
-        _lathed([[BOTTOM], BODY, LID], fine.body, fine.curve),
+        _lathed([([BOTTOM], 1), ([FOOT], fine.curve // 2), (BODY, fine.curve), (LID, fine.curve)], fine.body),
         _swept(_with_mouth(_along(SPOUT, fine.spout_rings)), fine.spout),
         _swept(_along(HANDLE, fine.handle_rings), fine.handle),
     ]
@@ -110,13 +111,14 @@ def _stretch(curves: Sequence[Curve], count: int) -> tuple[np.ndarray, np.ndarra
     return np.concatenate(points), np.concatenate(normals)
 
 
-def _lathed(stretches: Sequence[Sequence[Curve]], around: int, count: int) -> Mesh:
-    """A closed surface of revolution; smooth within each stretch. The first starts and the last ends on the axis."""
+def _lathed(stretches: Sequence[tuple[Sequence[Curve], int]], around: int) -> Mesh:
+    """A closed surface of revolution; smooth within each stretch, whose curves have so many steps each. The first starts
+    and the last ends on the axis."""
     angle = 2 * np.pi * np.arange(around) / around
     turn = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     meshes = []
-    for k, curves in enumerate(stretches):
-        p, n = _stretch(curves, 1 if k == 0 else count)
+    for curves, count in stretches:
+        p, n = _stretch(curves, count)
         vertices = np.concatenate([np.column_stack([r * turn, np.full(around, z)]) for r, z in p])
         normals = np.concatenate([np.column_stack([x * turn, np.full(around, y)]) for x, y in n])
         faces = _rings(len(p), around)

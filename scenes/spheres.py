@@ -79,7 +79,7 @@ class Bounce:
 class Orbit:
     """The camera: around the spheres until `HALF`, then only a little further."""
 
-    azimuth_deg: tuple[float, float, float] = (-124.0, -84.0, -80.0)
+    azimuth_deg: tuple[float, float, float] = (-132.0, -108.0, -104.0)
     elevation_deg: tuple[float, float, float] = (19.0, 15.0, 14.5)
     distance: tuple[float, float, float] = (1.72, 1.66, 1.65)
     target: tuple[float, float, float] = (0.0, 0.0, 0.20)

@@ -23,8 +23,8 @@ from scenes.shapes import gently, mixed, placed, way_to
 
 DetailName = Literal["lean", "paper"]
 DETAILS: dict[str, Fineness] = {
-    "lean": Fineness(body=56, curve=4, spout=16, spout_rings=9, handle=12, handle_rings=16),
-    "paper": Fineness(body=112, curve=8, spout=32, spout_rings=18, handle=24, handle_rings=32),
+    "lean": Fineness(body=52, curve=4, spout=18, spout_rings=10, handle=16, handle_rings=20),
+    "paper": Fineness(body=104, curve=8, spout=36, spout_rings=20, handle=32, handle_rings=40),
 }
 
 FRAMES, FPS = 100, 25.0
