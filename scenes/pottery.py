@@ -3,7 +3,7 @@
 The type is that of M. Newell's teapot of 1975; the curves are our own. All lengths are shares of the radius of the belly;
 z = 0 is what it stands on, the axis is z, the spout points to +x. Three pieces, each closed by itself; the ends of spout
 and handle lie inside the body. Normals are those of the true surfaces, from the derivatives of their curves; vertices are
-doubled at the edges alone: around the bottom, where the belly leaves the foot, in the groove of the lid, and at the ends inside the body.
+doubled at edges alone: around the bottom, where the belly leaves the foot, around the lid, and at the ends inside the body.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ BODY: tuple[Curve, ...] = (
 )
 LID: tuple[Curve, ...] = (
     ((0.66, 1.135), (0.62, 1.24), (0.22, 1.21), (0.11, 1.29)),
-    ((0.11, 1.29), (0.055, 1.334), (0.175, 1.36), (0.175, 1.44)),
+    ((0.11, 1.29), (0.055, 1.33), (0.175, 1.36), (0.175, 1.44)),
     ((0.175, 1.44), (0.175, 1.515), (0.095, 1.56), (0.0, 1.56)),
 )
 """Cubic Bezier curves of (radius, z), upward, that go over into each other with one tangent."""
@@ -75,8 +75,8 @@ class Fineness:
 def teapot(radius: float, fine: Fineness) -> Mesh:
     """A teapot with a belly of `radius` metres, around the origin on z = 0."""
     pieces = [
-        _lathed([([BOTTOM], 1), ([FOOT], fine.curve // 2), (BODY, fine.curve), (LID, fine.curve)], fine.body),
-        _swept(_with_mouth(_along(SPOUT, fine.spout_rings)), fine.spout),
+        _lathed([([BOTTOM], 1), ([FOOT], fine.curve // 2 + 1), (BODY, fine.curve), (LID, fine.curve)], fine.body),
+        _swept(_with_mouth(SPOUT, fine.spout_rings), fine.spout),
         _swept(_along(HANDLE, fine.handle_rings), fine.handle),
     ]
     whole = merged(*pieces)
@@ -139,25 +139,32 @@ def _rings(count: int, around: int) -> np.ndarray:
 
 def _along(stations: np.ndarray, count: int) -> np.ndarray:
     """Stations [count, 5] on the spline through `stations`, evenly along the way of the middle."""
+    spline, length = _spline(stations)
+    return spline(np.linspace(0, length, count))
+
+
+def _spline(stations: np.ndarray) -> tuple[CubicSpline, float]:
+    """Through `stations`, by the way of the middle; and its length."""
     way = np.r_[0, np.hypot(*np.diff(stations[:, :2], axis=0).T).cumsum()]
-    return CubicSpline(way, stations)(np.linspace(0, way[-1], count))
+    return CubicSpline(way, stations), way[-1]
 
 
-def _with_mouth(stations: np.ndarray) -> np.ndarray:
-    """The spout goes on over a rounded lip and back inside, to where it is closed."""
-    end = stations[-1]
+def _with_mouth(stations: np.ndarray, count: int) -> np.ndarray:
+    """`count` stations along the spout, which goes on over a rounded lip and back inside, to where it is closed."""
+    spline, length = _spline(stations)
+    outside, end = _along(stations, count), stations[-1]
     out = np.radians(end[4] - 90)
     out = np.array([np.cos(out), np.sin(out)])
-    lip = []
-    for psi in np.radians([30, 65, 90, 115, 150]):
-        lip.append([*(end[:2] + LIP * np.sin(psi) * out), *(end[2:4] - LIP * (1 - np.cos(psi))), end[4]])
-    inner = stations[[-2, -3]].copy()
-    inner[:, 2:4] -= 2 * LIP
-    inner[-1, 2:4] *= 0.6
-    back = end.copy()
-    back[2:4] -= 2 * LIP
-    back[:2] -= 0.15 * LIP * out
-    return np.concatenate([stations, lip, back[None], inner])
+    turn = np.radians(np.linspace(0, 180, 2 * (count // 3) + 1))[1:]
+    lip = np.column_stack([
+        end[:2] + LIP * np.sin(turn)[:, None] * out,
+        end[2:4] - LIP * (1 - np.cos(turn))[:, None],
+        np.full(len(turn), end[4]),
+    ])  # fmt: skip
+    inside = spline(length - np.array([0.03, 0.09, 0.16]))
+    inside[:, 2:4] -= 2 * LIP
+    inside[-1, 2:4] *= 0.7
+    return np.concatenate([outside, lip, inside])
 
 
 def _swept(stations: np.ndarray, around: int) -> Mesh:
