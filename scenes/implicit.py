@@ -11,9 +11,8 @@ zero on the ellipsoid and of unit slope there. Blobs join one after the other, s
 All of it is smooth, so that normals taken from f are, and what a mirror of that shape shows is. (Where two blobs are equally
 near the joint swells by k log 2.)
 
-Marching cubes give the triangles. Values of f that nearly vanish at a grid point are set to zero first, so that the slivers
-around such a point shrink to nothing and are left out; then the vertices spread evenly within the surface and go onto it by
-Newton's method.
+Marching cubes give the triangles, many of them slivers. So the vertices are spread evenly within the surface, each towards the
+middle of its neighbours, and go onto it by Newton's method: what were slivers have room then.
 """
 
 from __future__ import annotations
@@ -30,8 +29,6 @@ from benchharness.inside import is_closed
 from benchharness.scene import Mesh
 
 Triple = tuple[float, float, float]
-SNAP = 0.12
-"""Share of a grid cell within which the surface is moved onto the grid point."""
 ROUNDS = 12
 """Of spreading the vertices."""
 
@@ -71,6 +68,14 @@ class Blob:
         b = np.sqrt(np.einsum("...i,...i->...", q, q))
         return np.where(a > 1e-6, a * (a - 1) / np.maximum(b, 1e-300), -min(self.radii))
 
+    def gradient(self, p: np.ndarray) -> np.ndarray:
+        """Of `distance` at points [N, 3], float64 [N, 3]."""
+        r = np.asarray(self.radii)
+        y = (p - self.at) @ self.axes().T
+        a, b = np.linalg.norm(y / r, axis=1)[:, None], np.linalg.norm(y / r**2, axis=1)[:, None]
+        a, b = np.maximum(a, 1e-9), np.maximum(b, 1e-300)
+        return (((2 - 1 / a) * y / r**2 - a * (a - 1) / b**2 * y / r**4) / b) @ self.axes()
+
 
 def limb(start: Triple, end: Triple, radius: float, other: float | None = None, **more) -> Blob:
     """A long blob whose tips are `start` and `end`; `radius` is half its width across, along x; `other` the other half width."""
@@ -98,15 +103,21 @@ def field(blobs: Sequence[Blob], p: np.ndarray) -> np.ndarray:
     return f
 
 
-def gradient(blobs: Sequence[Blob], p: np.ndarray, h: float = 1e-6) -> np.ndarray:
-    """∇f at points [N, 3], by central differences over `h` metres: good to about 1e-9."""
-    steps = h * np.eye(3)
-    return np.stack([field(blobs, p + s) - field(blobs, p - s) for s in steps], axis=1) / (2 * h)
+def gradient(blobs: Sequence[Blob], p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """f [N] and ∇f [N, 3] at points [N, 3]."""
+    f, g = np.full(len(p), 1e3), np.zeros((len(p), 3))
+    for b in blobs:
+        d, side = b.distance(p), -1.0 if b.cut else 1.0
+        # A cut is the union of the outside and the blob, seen from the other side; the share of d in the gradient is a sigmoid.
+        joined = -b.k * np.logaddexp(-side * f / b.k, -d / b.k)
+        share = np.exp((joined - d) / b.k)[:, None]
+        f, g = side * joined, (1 - share) * g + side * share * b.gradient(p)
+    return f, g
 
 
 def normals(blobs: Sequence[Blob], p: np.ndarray) -> np.ndarray:
     """Outward unit normals of the level of f through points [N, 3]."""
-    g = gradient(blobs, p)
+    g = gradient(blobs, p)[1]
     return g / np.linalg.norm(g, axis=1, keepdims=True)
 
 
@@ -126,10 +137,8 @@ def polygonised(blobs: Sequence[Blob], cell: float) -> Mesh:
     if not 0 < cell < np.inf:
         raise ValueError(f"polygonised: cell is {cell}; accepted: a positive length in metres")
     values, origin = _sampled(blobs, cell)
-    values[abs(values) < SNAP * cell] = 0.0
-    vertices, faces, _, _ = marching_cubes(values, 0.0, allow_degenerate=True)
-    vertices, faces = _welded(origin + cell * vertices.astype(np.float64), faces, 1e-4 * cell)
-    v = _spread(blobs, vertices, faces)
+    vertices, faces, _, _ = marching_cubes(values, 0.0, allow_degenerate=False)
+    v = _spread(blobs, origin + cell * vertices.astype(np.float64), faces)
     corners = v[faces]
     volume = np.einsum("fi,fi->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
     mesh = Mesh(v, faces if volume > 0 else faces[:, ::-1], normals(blobs, v))
@@ -150,18 +159,6 @@ def _sampled(blobs: Sequence[Blob], cell: float) -> tuple[np.ndarray, np.ndarray
     return np.stack(values), lo
 
 
-def _welded(vertices: np.ndarray, faces: np.ndarray, near: float) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices of the same place as one, without the faces that this leaves without area."""
-    _, first, index = np.unique(np.round(vertices / near).astype(np.int64), axis=0, return_index=True, return_inverse=True)
-    f = index.reshape(-1)[faces]
-    f = f[(f != np.roll(f, 1, axis=1)).all(axis=1)]
-    # Two faces of the same three corners, back to back, enclose nothing.
-    _, which, count = np.unique(np.sort(f, axis=1), axis=0, return_inverse=True, return_counts=True)
-    f = f[count[which.reshape(-1)] == 1]
-    used, f = np.unique(f, return_inverse=True)
-    return vertices[first][used], f.reshape(-1, 3)
-
-
 def _spread(blobs: Sequence[Blob], v: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Vertices [V, 3] moved within the surface towards the middle of their neighbours, and onto it."""
     edges = trimesh.Trimesh(v, faces, process=False).edges_unique
@@ -179,6 +176,6 @@ def _spread(blobs: Sequence[Blob], v: np.ndarray, faces: np.ndarray) -> np.ndarr
 def _on_surface(blobs: Sequence[Blob], v: np.ndarray, count: int) -> np.ndarray:
     """`count` of Newton's steps along the gradient towards f = 0."""
     for _ in range(count):
-        g = gradient(blobs, v)
-        v = v - (field(blobs, v) / (g * g).sum(axis=1))[:, None] * g
+        f, g = gradient(blobs, v)
+        v = v - (f / (g * g).sum(axis=1))[:, None] * g
     return v
