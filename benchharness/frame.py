@@ -11,7 +11,7 @@ import mitsuba as mi
 import numpy as np
 
 from benchharness.api import Frame, Surface, View
-from benchharness.kernels import geometry, lighting, optics, raster
+from benchharness.kernels import geometry, lighting, optics, raster, surroundings
 from benchharness.kernels.frozen import frozen
 from benchharness.scene import Camera, Mesh, Reflector, Scene
 
@@ -64,7 +64,7 @@ class FrameRenderer:
         self.geometry = geometry.upload(lit + mirrors, lighting.shine_of(scene))
         self.surfaces = [surface_of(r.mesh) for r in scene.reflectors]
         self.proxies = [self.surfaces[i] if r.closed is None else surface_of(r.closed) for i, r in enumerate(scene.reflectors)]
-        self.background = opaque(mi.Color3f, scene.background)
+        self.surroundings = surroundings.of_scene(scene)
         metals = [(r.eta, r.k) for r in scene.reflectors]
         self.eta = [None if eta is None else opaque(mi.Color3f, eta) for eta, _ in metals]
         self.k = [None if eta is None else opaque(mi.Color3f, k) for eta, k in metals]
@@ -81,7 +81,7 @@ class FrameRenderer:
         """Frame `index` as seen by `view`: the part of `render` that is timed as `gbuffer_ms`."""
         poses, world = self._placed(self.scene.poses(self.scene.time(index)))
         visibility = raster.rasterize(world.points, world.faces, world.face_count, view, cull="back")
-        reflector, active, p, n, radiance = _first_hits(world, visibility, self.background, view, len(self.scene.objects))
+        reflector, active, p, n, radiance = _first_hits(world, visibility, self.surroundings, view, len(self.scene.objects))
         pixels = mi.UInt32(dr.compress(active))
         v = dr.normalize(view.eye - p)
         time = self.scene.time(index)
@@ -129,7 +129,7 @@ def _turned_mirrors(g: geometry.Geometry, poses: mi.Float, objects: int) -> mi.F
 
 
 @frozen
-def _first_hits(world: geometry.Geometry, visibility, background, view: View, objects: int):
+def _first_hits(world: geometry.Geometry, visibility, around: surroundings.Surroundings, view: View, objects: int):
     """Reflector number, point, normal and radiance at every pixel centre. The attributes of mirrors are their normals."""
     lane = dr.arange(mi.UInt32, view.width * view.height)
     hit, face, weights, p = raster.seen(world.points, world.faces, visibility, view, lane)
@@ -139,7 +139,7 @@ def _first_hits(world: geometry.Geometry, visibility, background, view: View, ob
     mirror = reflector >= 0
     n = dr.normalize(mi.Vector3f(value.x, value.y, value.z))
     n = dr.select(mirror, dr.select(dr.dot(n, view.eye - p) < 0, -n, n), 0)
-    seen = dr.select(hit, value, background)
+    seen = dr.select(hit, value, surroundings.radiance(around, raster.ray_through(view, lane), ~hit))
     return reflector, mirror, dr.select(mirror, p, 0), mi.Normal3f(n), dr.select(mirror, 0, seen)
 
 

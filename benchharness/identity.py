@@ -39,6 +39,10 @@ def of_scene(scene: Scene) -> str:
     digest.update(np.array(constants, np.float64).tobytes())
     if scene.lights:
         digest.update(json.dumps(["lights", [[light.position, light.intensity] for light in scene.lights]]).encode())
+    if scene.environment is not None:
+        radiance = scene.environment.radiance
+        digest.update(f"environment {radiance.shape} {scene.environment.centre} {scene.environment.ground}".encode())
+        digest.update(radiance.tobytes())
     return digest.hexdigest()[:LENGTH]
 
 

@@ -195,6 +195,7 @@ class Bench:
         seen_at = {"ppd": self.scene.ppd, "exposure": self.scene.exposure}
         entry.error = metrics.flip_map(image, truth_.image, mask, **seen_at)
         record: dict[str, Any] = metrics.evaluate(image, truth_.image, mask, **seen_at, found=found, error=entry.error)
+        record |= self._second(entry.error, truth_.second & mask)
         record["distance_err"] = metrics.distance_error(distance, truth_.distance, mask & found)
         record["nonfinite_px"] += int((np.isnan(distance) & mask & found).sum())
         if len(references) > 1:
@@ -204,6 +205,12 @@ class Bench:
         if reflection.vertices is not None:
             record |= self._vertices(entry, frames)
         return record
+
+    def _second(self, error: np.ndarray, second: np.ndarray) -> dict:
+        """How many pixels show a second reflection, bool [H, W], and the mean error there if the reference shows it too."""
+        one_bounce = self.options.lighting == "baked" and self.options.depth <= 2
+        mean = None if one_bounce or not second.any() else float(error[second].astype(np.float64).mean())
+        return {"second_px": int(second.sum()), "flip_second": mean}
 
     def _vertices(self, entry: _Entry, frames: list[Frame]) -> dict:
         """What the reflection points found are worth: screen distances to the true ones, of a sample of vertices."""

@@ -15,7 +15,8 @@
              emission varies become one of `sampling_weight` 0, which paths find by chance.
 
 In both, reflectors are smooth conductors with vertex normals, mirrors on both sides, so that the inside of an open one
-is not black; they use their open mesh. The background is a constant environment. Radiance is linear RGB, as is.
+is not black; they use their open mesh. The surroundings are a constant environment, or a panorama, which paths sample too
+where they sample emitters. Radiance is linear RGB, as is.
 """
 
 # pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false
@@ -46,7 +47,8 @@ def mitsuba_scene(scene: Scene, time: float, lighting: str, marks: Sequence[np.n
         raise ValueError(f"lighting is {lighting!r}; accepted: {', '.join(LIGHTINGS)}")
     marks = [np.zeros(len(part.mesh.faces)) for part in scene.parts] if marks is None else marks
     shapes: list[mi.Mesh] = []
-    sampled = bool(np.any(scene.background))
+    around = _surroundings(scene)
+    sampled = around is not None
     for part, mark in zip(scene.parts, marks, strict=True):
         mesh = part.mesh.transformed(part.pose(time))
         if isinstance(part, Reflector):
@@ -65,14 +67,18 @@ def mitsuba_scene(scene: Scene, time: float, lighting: str, marks: Sequence[np.n
 
     # Mitsuba wants something to sample where there are emitters: a black environment stands in.
     emits = any(shape.is_emitter() for shape in shapes)
-    if np.any(scene.background) or (lighting == "transport" and emits and not sampled):
-        content["background"] = {"type": "constant", "radiance": _rgb(scene.background)}
+    if around is None and lighting == "transport" and emits and not sampled:
+        around = {"type": "constant", "radiance": _rgb((0, 0, 0))}
+    if around is not None:
+        content["background"] = around
     return mi.load_dict({"type": "scene", **content})
 
 
 def fingerprint(scene: Scene, time: float, lighting: str) -> list:
     """All that `mitsuba_scene` reads of a scene, for content hashes."""
     content: list = [lighting, tuple(map(float, scene.background))]
+    if scene.environment is not None:
+        content += ["environment", np.float32(scene.environment.radiance)]
     for part in scene.parts:
         mesh = part.mesh.transformed(part.pose(time))
         content += [np.float32(mesh.vertices), mesh.faces, np.float32(mesh.normals)]  # Mitsuba's precision
@@ -86,6 +92,18 @@ def fingerprint(scene: Scene, time: float, lighting: str) -> list:
     if scene.glossy or (scene.lights and lighting == "transport"):
         content += ["lights", *((light.position, light.intensity) for light in scene.lights)]
     return content
+
+
+PANORAMA_TO_WORLD = np.array([[0.0, 0.0, -1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+"""Mitsuba's panoramas have y up, and start in the direction of -z, which is our +x."""
+
+
+def _surroundings(scene: Scene) -> dict | None:
+    """What lights the scene from infinity; None where that is black."""
+    if scene.environment is not None and scene.environment.radiance.any():
+        bitmap = mi.Bitmap(np.float32(scene.environment.as_seen()))
+        return {"type": "envmap", "bitmap": bitmap, "to_world": mi.ScalarTransform4f(PANORAMA_TO_WORLD)}
+    return {"type": "constant", "radiance": _rgb(scene.background)} if np.any(scene.background) else None
 
 
 def _rgb(value) -> dict:

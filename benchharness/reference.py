@@ -80,6 +80,7 @@ class Reference:
     mask      bool [H, W]: a reflector is what the ray through the pixel's centre meets first
     reflector int32 [H, W]: which one, -1 where none
     distance  float32 [H, W] metres from there to what the reflected ray meets; inf: the surroundings, NaN: off the mask
+    second    bool [H, W]: pixels of the mask that show a second reflection: the reflected ray meets a reflector first
     spp       rays per pixel that were traced
     """
 
@@ -88,6 +89,7 @@ class Reference:
     mask: np.ndarray
     reflector: np.ndarray
     distance: np.ndarray
+    second: np.ndarray
     spp: int
 
 
@@ -126,7 +128,7 @@ def _render(
     marks = [np.full(len(part.mesh.faces), i) for part, i in zip(scene.parts, number, strict=True)]
     world = mitsuba_scene.mitsuba_scene(scene, time, options.lighting, marks)
     image, variance, spp = _sampled(world, camera, width, height, options, seed)
-    reflector, distance = _geometry(world, camera, width, height)
+    reflector, distance, second = _geometry(world, camera, width, height)
     shape = (height, width)
     return {
         "image": image.reshape(*shape, 3).astype(np.float32),
@@ -134,6 +136,7 @@ def _render(
         "mask": (reflector >= 0).reshape(shape),
         "reflector": reflector.reshape(shape),
         "distance": distance.reshape(shape),
+        "second": second.reshape(shape),
         "spp": np.array(spp),
     }
 
@@ -188,8 +191,9 @@ def _sampled(
     return image, variance, done
 
 
-def _geometry(world: mi.Scene, camera: Camera, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-    """Number of the reflector at each pixel's centre, int32 [H W], and length of the reflected ray, float32 [H W]."""
+def _geometry(world: mi.Scene, camera: Camera, width: int, height: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Number of the reflector at each pixel's centre, int32 [H W], and of the reflected ray: its length, float32 [H W], and
+    whether it meets a reflector, bool [H W]."""
     lane = dr.arange(mi.UInt32, width * height)
     ray = camera_rays(camera, width, height, mi.Float(lane % width) + 0.5, mi.Float(lane // width) + 0.5)
     si = world.ray_intersect(ray)
@@ -197,5 +201,9 @@ def _geometry(world: mi.Scene, camera: Camera, width: int, height: int) -> tuple
     number = dr.select(valid, mi.Int32(si.shape.eval_attribute_1("face_mark", si, valid)), -1)
     n = si.sh_frame.n
     mirrored = si.spawn_ray(ray.d - 2 * dr.dot(ray.d, n) * n)
-    t = world.ray_intersect_preliminary(mirrored, active=number >= 0).t + dr.dot(mirrored.o - si.p, mirrored.d)
-    return np.array(number, np.int32), np.array(dr.select(number >= 0, t, dr.nan), np.float32)
+    met = world.ray_intersect(mirrored, active=number >= 0)
+    t = met.t + dr.dot(mirrored.o - si.p, mirrored.d)
+    second = met.is_valid()
+    second &= met.shape.eval_attribute_1("face_mark", met, second) >= 0
+    length = np.array(dr.select(number >= 0, t, dr.nan), np.float32)
+    return np.array(number, np.int32), length, np.array(second, bool)

@@ -35,10 +35,11 @@ COLUMNS = (
     "rmse relmse flip flip_p95 coverage nonfinite_px distance_err "
     "residual_px converged_ratio wrong_ratio iterations_mean iterations_max temporal_diff jitter_px "
     "reference_lighting reference_spp reference_noise config_hash method_hash scene_hash environment "
-    "calibration_ms ppd counters residual_px_max"
+    "calibration_ms ppd counters residual_px_max second_px flip_second"
 ).split()
 """Columns of results.csv, in order. `residual_px` is a median over vertices; `counters` is the canonical `name=value` list;
-`calibration_ms` the fixed kernel;
+`calibration_ms` the fixed kernel; `second_px` counts the mask's pixels whose reflected ray meets a reflector first, and
+`flip_second` is the mean of the FLIP map over those, without meaning against a reference of one bounce;
 `reference_noise` the mean FLIP inside the mask that the reference's own noise causes (the unit of `flip`)."""
 
 REQUIRED = COLUMNS[: COLUMNS.index("environment") + 1]
@@ -49,7 +50,7 @@ STATUSES = ("ok", "refused", "invalid", "timeout", "crashed")
 """From best to worst; a summary shows the worst of its frames."""
 
 INTEGERS = frozenset(
-    "frame vertices triangles reflectors reflector_px nonfinite_px iterations_max reference_spp "
+    "frame vertices triangles reflectors reflector_px nonfinite_px iterations_max reference_spp second_px "
     "round frames frames_ok frames_in_view".split()
 )
 TEXTS = frozenset(
@@ -60,14 +61,14 @@ TEXTS = frozenset(
 TIMES = "prepare_ms update_ms shade_ms shade_ms_lo shade_ms_hi kernel_ms first_ms gbuffer_ms frame_ms".split()
 ERRORS = (
     "rmse relmse flip flip_p95 coverage distance_err residual_px converged_ratio wrong_ratio iterations_mean "
-    "temporal_diff jitter_px residual_px_max"
+    "temporal_diff jitter_px residual_px_max flip_second"
 ).split()
 SUMMARY_COLUMNS = [
     *"config scene detail method params status reason frames frames_ok frames_in_view ok_ratio".split(),
-    *TIMES, *ERRORS, *"flip_min flip_max nonfinite_px iterations_max reference_noise calibration_ms".split(),
+    *TIMES, *ERRORS, *"flip_min flip_max nonfinite_px iterations_max reference_noise calibration_ms second_px".split(),
 ]  # fmt: skip
 """Columns of summary.csv: medians of TIMES, means of ERRORS and `reference_noise`, the largest `iterations_max`, each
-over the frames with status ok that have the number; `nonfinite_px` is summed over all frames."""
+over the frames with status ok that have the number; `nonfinite_px` and `second_px` are summed, over all frames."""
 
 SAMPLE_COLUMNS = [*KEY, "clock", "round", "ms"]
 """Columns of samples.csv. `clock` is prepare, update, shade, kernel, gbuffer, calibration ...; `round` is from 0."""
@@ -294,7 +295,8 @@ def _summarised(group: tuple, rows: list[Mapping]) -> dict:
     for name in (*ERRORS, "reference_noise"):
         out[name] = statistics.fmean(values) if (values := present(ok, name)) else None
     out.update(flip_min=min(flips, default=None), flip_max=max(flips, default=None))
-    out["nonfinite_px"] = sum(values) if (values := present(rows, "nonfinite_px")) else None
+    for name in ("nonfinite_px", "second_px"):
+        out[name] = sum(values) if (values := present(rows, name)) else None
     out["iterations_max"] = max(present(ok, "iterations_max"), default=None)
     return out
 

@@ -11,7 +11,7 @@ how far the direction turns from one pixel to the next, so that a strongly curve
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar
 
 import drjit as dr
@@ -19,7 +19,7 @@ import mitsuba as mi
 from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection
-from benchharness.kernels import cubemap, geometry, optics
+from benchharness.kernels import cubemap, geometry, optics, surroundings
 from benchharness.kernels.frozen import frozen
 from benchharness.scene import Scene
 
@@ -32,7 +32,7 @@ class State:
 
     geometry: geometry.Geometry
     centres: list[mi.Point3f]
-    background: mi.Color3f
+    surroundings: surroundings.Surroundings
     near: mi.Float
     maps: list[cubemap.Pyramid]
 
@@ -58,9 +58,9 @@ class EnvironmentMap(Method):
         for r in scene.reflectors:
             v = (r.closed or r.mesh).vertices
             centres.append(mi.Point3f((0.5 * (v.min(axis=0) + v.max(axis=0))).tolist()))
-        background, near = mi.Color3f(scene.background), mi.Float(NEAR)
-        dr.make_opaque(background, near, centres)
-        return State(geometry.of_scene(scene), centres, background, near, [])
+        near = mi.Float(NEAR)
+        dr.make_opaque(near, centres)
+        return State(geometry.of_scene(scene), centres, surroundings.of_scene(scene), near, [])
 
     def update(self, state: State, frame: Frame) -> State:
         first = len(frame.poses) // 12 - len(state.centres)
@@ -68,12 +68,12 @@ class EnvironmentMap(Method):
         maps = []
         for i, centre in enumerate(state.centres):
             part = dr.opaque(mi.UInt32, first + i)
-            finest = _capture(world, frame.poses, part, centre, state.near, state.background, self.resolution)
+            finest = _capture(world, frame.poses, part, centre, state.near, state.surroundings, self.resolution)
             levels = [finest]
             for n in cubemap.levels_of(self.resolution)[:-1] if self.mip else ():
                 levels.append(cubemap.coarser(levels[-1], n))
             maps.append(cubemap.pyramid(levels))
-        return State(state.geometry, state.centres, state.background, state.near, maps)
+        return replace(state, maps=maps)
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         L, distance = _look_up(
@@ -82,12 +82,12 @@ class EnvironmentMap(Method):
         return Reflection(L, distance, mi.Bool(frame.active)), state
 
 
-def _capture(triangles: geometry.Geometry, poses, part, centre, near, background, resolution: int) -> mi.Float:
+def _capture(triangles: geometry.Geometry, poses, part, centre, near, around, resolution: int) -> mi.Float:
     """The finest level of one reflector's map: everything but part number `part`, around `centre` of that part."""
     q = mi.Vector4f(centre.x, centre.y, centre.z, 1)
     world = mi.Point3f(*(dr.dot(dr.gather(mi.Vector4f, poses, part * 3 + k), q) for k in range(3)))
     owner = geometry.part_of(dr.gather(mi.Vector4u, triangles.faces, dr.arange(mi.UInt32, triangles.face_count)))
-    return cubemap.capture(triangles, owner != part, world, resolution, near, background)
+    return cubemap.capture(triangles, owner != part, world, resolution, near, around)
 
 
 @frozen

@@ -1,8 +1,9 @@
-"""One exact mirror bounce, traced with Embree through Mitsuba: the floor that the other methods can reach.
+"""Exact mirror bounces, traced with Embree through Mitsuba: the floor that the other methods can reach.
 
 Every reflector pixel sends one ray along its mirror direction, from the rasterized hit and about the interpolated normal,
-into a bounding volume hierarchy over the scene, and shows the baked radiance of what it hits. Other mirrors, and the
-mirror itself, are hit and black: one bounce.
+into a bounding volume hierarchy over the scene, and shows the baked radiance of what it hits, or the surroundings. Other
+mirrors, and the mirror itself, are hit and black: one bounce. With more `bounces` the ray goes on from there, about that
+mirror's interpolated normal and dimmed by its reflectance; the last mirror is black. `distance` is the first ray's.
 
 Assumes nothing; wrong only at grazing pixels whose interpolated normal sends the ray below their own facet. Costs a new
 hierarchy whenever something moved.
@@ -11,31 +12,57 @@ hierarchy whenever something moved.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection
-from benchharness.kernels import geometry, optics
+from benchharness.kernels import geometry, optics, raster, surroundings
 from benchharness.scene import Scene
 
 RAY_EPSILON = 1e-4  # start of the ray above the surface, relative to the size of its coordinates
 
 
 @dataclass
+class Mirrors:
+    """What a ray needs to go on from a mirror.
+
+    normals  4 floats per vertex, object space; zero for objects
+    turned   the same in world space
+    eta, k   4 floats per part: complex index of refraction; the last of eta is 1 for a conductor, 0 for an ideal mirror
+    objects  parts from this number on are mirrors
+    """
+
+    normals: mi.Float
+    turned: mi.Float
+    eta: mi.Float
+    k: mi.Float
+    objects: mi.UInt32
+
+
+@dataclass
 class State:
-    """The scene's triangles as one Mitsuba mesh in a hierarchy, and in object and world space for what is hit."""
+    """The scene's triangles as one Mitsuba mesh in a hierarchy, and in object and world space for what is hit; `mirrors`
+    only for more than one bounce."""
 
     scene: Any
     geometry: geometry.Geometry
     world: geometry.Geometry
-    background: mi.Color3f
+    surroundings: surroundings.Surroundings
+    mirrors: Mirrors | None
 
 
 @dataclass(frozen=True)
 class RayTraced(Method):
+    """
+    bounces  mirrors that a ray is followed over; a reference of `max_depth` d shows d - 1
+    """
+
+    bounces: Annotated[int, Field(ge=1, le=8)] = 1
+
     paper: ClassVar[str] = "Embree (Wald et al. 2014)"
 
     def prepare(self, scene: Scene) -> State:
@@ -43,35 +70,92 @@ class RayTraced(Method):
         mesh = mi.Mesh("triangles", triangles.vertex_count, triangles.face_count)
         params = mi.traverse(mesh)
         params["faces"] = _triples(triangles.faces, triangles.face_count)
-        world = geometry.placed(triangles, mi.Float(scene.poses(0.0).astype(np.float32).ravel()))
+        poses = mi.Float(scene.poses(0.0).astype(np.float32).ravel())
+        world = geometry.placed(triangles, poses)
         params["vertex_positions"] = _triples(world.points, triangles.vertex_count)
         params.update()
-        background = mi.Color3f(scene.background)
-        dr.make_opaque(background)
-        return State(mi.load_dict({"type": "scene", "triangles": mesh}), triangles, world, background)
+        mirrors = _turned(_mirrors(scene), triangles, poses) if self.bounces > 1 else None
+        traced = mi.load_dict({"type": "scene", "triangles": mesh})
+        return State(traced, triangles, world, surroundings.of_scene(scene), mirrors)
 
     def update(self, state: State, frame: Frame) -> State:
         params = mi.traverse(state.scene)
         world = geometry.placed(state.geometry, frame.poses)
         params["triangles.vertex_positions"] = _triples(world.points, world.vertex_count)
         params.update()
-        return replace(state, world=world)
+        mirrors = None if state.mirrors is None else _turned(state.mirrors, state.geometry, frame.poses)
+        return replace(state, world=world, mirrors=mirrors)
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         lane = frame.pixels
         if dr.width(lane) == 0:  # no mirror in view
-            return _spread(mi.Color3f(0), mi.Float(0), lane, frame), state
+            return _spread(mi.Color3f(0), mi.Float(0), mi.UInt32(frame.active), lane, frame), state
         p, n, v = (dr.gather(type(a), a, lane) for a in (frame.p, frame.n, frame.v))
         r = optics.reflect(v, n)
-        start = p + mi.Vector3f(n) * (RAY_EPSILON * (1 + dr.max(dr.abs(p))))
-        hit = state.scene.ray_intersect_preliminary(mi.Ray3f(start, r), coherent=True)
-        found = hit.is_valid()
-        face = dr.gather(mi.Vector4u, state.geometry.faces, hit.prim_index, found)
-        u, w = hit.prim_uv.x, hit.prim_uv.y
-        L = geometry.radiance(state.world, face, mi.Vector3f(1 - u - w, u, w), p, found)
-        L = dr.select(found, L, state.background)
-        distance = dr.select(found, hit.t + RAY_EPSILON, dr.inf)
-        return _spread(L, distance, lane, frame), state
+        ray = _from(p, n, r)
+        hit = state.scene.ray_intersect_preliminary(ray, coherent=True)
+        L, face, weights = _arriving(state, hit, p, r, True)
+        distance = dr.select(hit.is_valid(), hit.t + RAY_EPSILON, dr.inf)
+        rays = mi.UInt32(frame.active)
+        if state.mirrors is not None:
+            further, count = self._further(state, state.mirrors, ray, hit, face, weights)
+            L += further
+            dr.scatter_add(rays, count, lane)
+        return _spread(L, distance, rays, lane, frame), state
+
+    def _further(self, state: State, mirrors: Mirrors, ray, hit, face, weights) -> tuple[mi.Color3f, mi.UInt32]:
+        """What a first reflected ray shows over further mirrors, and how many rays that took."""
+        L, through, count = mi.Color3f(0), mi.Color3f(1), mi.UInt32(0)
+        active = hit.is_valid()
+        for _ in range(self.bounces - 1):
+            part = geometry.part_of(face)
+            active &= part >= mirrors.objects
+            p, v = ray(hit.t), -ray.d
+            n = dr.normalize(raster.interpolate(mirrors.turned, face, weights, active).xyz)
+            n = dr.select(dr.dot(n, v) < 0, -n, n)
+            eta, k = (dr.gather(mi.Vector4f, a, part, active) for a in (mirrors.eta, mirrors.k))
+            dimmed = optics.fresnel_conductor(dr.clip(dr.dot(n, v), 0, 1), mi.Color3f(eta.xyz), mi.Color3f(k.xyz))
+            through *= dr.select(eta.w > 0, dimmed, 1)
+            ray = _from(p, n, optics.reflect(v, n))
+            hit = state.scene.ray_intersect_preliminary(ray, active=active)
+            arriving, face, weights = _arriving(state, hit, p, ray.d, active)
+            L += dr.select(active, through * arriving, 0)
+            count += dr.select(active, mi.UInt32(1), 0)
+            active &= hit.is_valid()
+        return L, count
+
+
+def _from(p: mi.Point3f, n, d: mi.Vector3f) -> mi.Ray3f:
+    """The ray along d from just above a surface at p."""
+    return mi.Ray3f(p + mi.Vector3f(n) * (RAY_EPSILON * (1 + dr.max(dr.abs(p)))), d)
+
+
+def _arriving(state: State, hit, p: mi.Point3f, d: mi.Vector3f, active) -> tuple[mi.Color3f, mi.Vector4u, mi.Vector3f]:
+    """Radiance at p from direction d, black where that is a mirror; the triangle that was hit, and where on it."""
+    found = hit.is_valid()
+    face = dr.gather(mi.Vector4u, state.geometry.faces, hit.prim_index, found)
+    u, w = hit.prim_uv.x, hit.prim_uv.y
+    weights = mi.Vector3f(1 - u - w, u, w)
+    L = geometry.radiance(state.world, face, weights, p, found)
+    return dr.select(found, L, surroundings.radiance(state.surroundings, d, active & ~found)), face, weights
+
+
+def _mirrors(scene: Scene) -> Mirrors:
+    normals = [np.zeros_like(o.mesh.vertices) for o in scene.objects] + [np.asarray(r.mesh.normals) for r in scene.reflectors]
+    eta, k = ([[1.0, 1.0, 1.0, 0.0]] * len(scene.objects) for _ in range(2))
+    for r in scene.reflectors:
+        metal, absorbing = (r.eta, r.k) if r.eta is not None and r.k is not None else (None, None)
+        eta.append([1.0, 1.0, 1.0, 0.0] if metal is None else [*metal, 1.0])
+        k.append([0.0] * 4 if absorbing is None else [*absorbing, 0.0])
+    stacked = np.concatenate(normals)
+    packed = np.column_stack([stacked, np.zeros(len(stacked))])
+    arrays = [mi.Float(np.asarray(a, np.float32).ravel()) for a in (packed, eta, k)]
+    return Mirrors(arrays[0], arrays[0], arrays[1], arrays[2], dr.opaque(mi.UInt32, len(scene.objects)))
+
+
+def _turned(mirrors: Mirrors, triangles: geometry.Geometry, poses: mi.Float) -> Mirrors:
+    """With the normals as the parts stand."""
+    return replace(mirrors, turned=geometry.turned(triangles.points, mirrors.normals, triangles.vertex_count, poses))
 
 
 def _triples(packed, count: int):
@@ -80,11 +164,11 @@ def _triples(packed, count: int):
     return dr.gather(type(packed), packed, lane // 3 * 4 + lane % 3)
 
 
-def _spread(L: mi.Color3f, distance: mi.Float, lane: mi.UInt32, frame: Frame) -> Reflection:
-    """One lane per pixel out of one per reflector pixel."""
+def _spread(L: mi.Color3f, distance: mi.Float, rays: mi.UInt32, lane: mi.UInt32, frame: Frame) -> Reflection:
+    """One lane per pixel out of one per reflector pixel; `rays` has one per pixel already."""
     count = frame.view.width * frame.view.height
     full = [dr.zeros(mi.Float, count) for _ in range(4)]
     for target, value in zip(full, (L.x, L.y, L.z, distance), strict=True):
         if dr.width(lane) > 0:
             dr.scatter(target, value, lane)
-    return Reflection(mi.Color3f(*full[:3]), full[3], mi.Bool(frame.active), counters={"rays": mi.UInt32(frame.active)})
+    return Reflection(mi.Color3f(*full[:3]), full[3], mi.Bool(frame.active), counters={"rays": rays})

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import geometry, raster
+from benchharness.kernels import geometry, raster, surroundings
 
 
 @dataclass
@@ -61,11 +61,14 @@ def _window(face: int, n: int, centre: mi.Point3f, near: mi.Float) -> _Window:
     )
 
 
-def capture(triangles: geometry.Geometry, drawn, centre: mi.Point3f, n: int, near, background) -> mi.Float:
+def capture(
+    triangles: geometry.Geometry, drawn, centre: mi.Point3f, n: int, near, around: surroundings.Surroundings
+) -> mi.Float:
     """The scene around `centre`, and as seen from there: 4 floats per texel, [6, n + 2, n + 2].
 
     triangles  in world space
     drawn      Bool [face_count]
+    around     what is seen where nothing else is
     """
     count = (n + 2) * (n + 2)
     texels = dr.empty(mi.Float, 4 * 6 * count)
@@ -76,7 +79,8 @@ def capture(triangles: geometry.Geometry, drawn, centre: mi.Point3f, n: int, nea
         hit, packet, weights, p = raster.seen(triangles.points, triangles.faces, visibility, window, lane)
         L = geometry.radiance(triangles, packet, weights, centre, hit)
         inverse = dr.rcp(dr.norm(p - centre))
-        value = dr.select(hit, mi.Vector4f(L.x, L.y, L.z, inverse), mi.Vector4f(background.x, background.y, background.z, 0))
+        far = surroundings.radiance(around, raster.ray_through(window, lane), ~hit)
+        value = dr.select(hit, mi.Vector4f(L.x, L.y, L.z, inverse), mi.Vector4f(far.x, far.y, far.z, 0))
         dr.scatter(texels, value, lane + face * count)
     return texels
 

@@ -13,7 +13,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import geometry, search, virtual
+from benchharness.kernels import geometry, optics, search, surroundings, virtual
 from benchharness.kernels.frozen import frozen
 
 UNKNOWN, REFLECTED, UNREFLECTED, HIDDEN = range(4)  # benchharness.api.Vertices.region
@@ -25,13 +25,13 @@ class Scenery:
 
     triangles     the scene in object space; attributes: radiance, black for reflectors
     world         the scene in world space
-    surroundings  radiance at infinity, None for a scene without
+    surroundings  what is at infinity, None for a scene without
     objects       how many parts are objects; reflectors come after them
     """
 
     triangles: geometry.Geometry
     world: geometry.Geometry
-    surroundings: mi.Color3f | None
+    surroundings: surroundings.Surroundings | None
     objects: int
 
     def parts_shown(self, others: str) -> mi.UInt32:
@@ -61,8 +61,8 @@ class Solved:
 def scenery(scene) -> Scenery:
     """What a `benchharness.scene.Scene` shows, uploaded."""
     triangles = geometry.of_scene(scene)
-    surroundings = mi.Color3f(scene.background) if max(scene.background) > 0 else None
-    return Scenery(triangles, triangles, surroundings, len(scene.objects))
+    any_light = scene.environment is not None or max(scene.background) > 0
+    return Scenery(triangles, triangles, surroundings.of_scene(scene) if any_light else None, len(scene.objects))
 
 
 def posed(seen: Scenery, frame) -> Scenery:
@@ -103,10 +103,23 @@ def shown(seen: Scenery, frame, solve: Callable[[int, mi.UInt32], Solved]) -> Sh
     if seen.surroundings is not None:
         # What no triangle covers is the surroundings if the scene has any, else unanswered.
         sky = frame.active & ~found
-        L, distance, found = dr.select(sky, seen.surroundings, L), dr.select(sky, dr.inf, distance), mi.Bool(frame.active)
+        far = _reflected(seen.surroundings, frame.v, frame.n, sky)
+        L, distance, found = dr.select(sky, far, L), dr.select(sky, dr.inf, distance), mi.Bool(frame.active)
     report = {name: _joined([one.report[name] for one in solved]) for name in solved[0].report}
     counters = {name: _joined([one.counters[name] for one in solved]) for name in solved[0].counters}
     return Shown(L, distance, found, report, {"iterations": report["iterations"], **counters}, [one.end for one in solved])
+
+
+def _reflected(around: surroundings.Surroundings, v: mi.Vector3f, n: mi.Normal3f, sky: mi.Bool) -> mi.Color3f:
+    """The surroundings in each pixel's own mirror direction."""
+    if around.texels is None:
+        return surroundings.radiance(around, v)
+    return _looked_up(around, v, n, sky)
+
+
+@frozen
+def _looked_up(around: surroundings.Surroundings, v: mi.Vector3f, n: mi.Normal3f, sky: mi.Bool) -> mi.Color3f:
+    return surroundings.radiance(around, optics.reflect(v, n), sky)
 
 
 @frozen

@@ -54,6 +54,11 @@ temporal_diff | temporal | radiance | less
     error gives 0.
 jitter_px | jitter | px | less
     Root mean square second difference of the screen error of virtual vertices along the path.
+flip_second | FLIP second |  | less
+    Mean of the FLIP map over the pixels that show a second reflection: those whose reflected ray meets a mirror first.
+    Empty where there are none, and against a reference of one bounce, which shows such mirrors black.
+second_px | second | px | less
+    Those pixels, over all frames: a fact about the scene, the same for every method.
 frames_ok | frames ok |  | more
     Frames with status ok, of those that were asked for. Times are medians and errors are means over these alone.
 """

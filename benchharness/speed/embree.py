@@ -20,7 +20,7 @@ import numpy as np
 
 from benchharness.api import Frame, View
 from benchharness.frame import opaque
-from benchharness.kernels import geometry, optics, raster
+from benchharness.kernels import geometry, optics, raster, surroundings
 from benchharness.scene import Scene
 
 RAY_EPSILON = 1e-4  # start of a reflected ray above the surface, relative to the size of its coordinates
@@ -40,7 +40,7 @@ class World:
     smooth: Any
     triangles: geometry.Geometry
     attributes: mi.Float
-    background: mi.Color3f
+    surroundings: surroundings.Surroundings
     eta: list
     k: list
     objects: int
@@ -62,7 +62,7 @@ def build(scene: Scene, time: float) -> World:
         smooth=_mitsuba(here, normals),
         triangles=triangles,
         attributes=here.attributes,
-        background=opaque(mi.Color3f, scene.background),
+        surroundings=surroundings.of_scene(scene),
         eta=[None if metal is None else opaque(mi.Color3f, metal[0]) for metal in metals],
         k=[None if metal is None else opaque(mi.Color3f, metal[1]) for metal in metals],
         objects=count,
@@ -138,7 +138,8 @@ def _first_hits(world: World, ray: mi.Ray3f, coherent: bool):
     active = hit.is_valid() & (part >= 0)
     n = dr.normalize(value)
     n = dr.select(active, dr.select(dr.dot(n, ray.d) > 0, -n, n), 0)
-    seen = dr.select(hit.is_valid(), mi.Color3f(value), world.background)
+    found = hit.is_valid()
+    seen = dr.select(found, mi.Color3f(value), surroundings.radiance(world.surroundings, ray.d, ~found))
     p = dr.select(active, ray(hit.t), 0)
     return dr.select(active, part, -1), active, p, mi.Normal3f(n), -ray.d, dr.select(active, 0, seen)
 
@@ -161,7 +162,8 @@ def _mirrored(world: World, p: mi.Point3f, n: mi.Normal3f, v: mi.Vector3f, coher
     hit = world.plain.ray_intersect_preliminary(ray, coherent=coherent, active=active)
     found = hit.is_valid()
     value, _ = _interpolated(world.triangles.attributes, world.triangles.faces, hit)
-    return dr.select(found, mi.Color3f(value), world.background), dr.select(found, hit.t + RAY_EPSILON, dr.inf)
+    far = surroundings.radiance(world.surroundings, ray.d, active & ~found)
+    return dr.select(found, mi.Color3f(value), far), dr.select(found, hit.t + RAY_EPSILON, dr.inf)
 
 
 @dr.freeze
