@@ -9,9 +9,9 @@ import numpy as np
 
 from scenes.shapes import way_to
 
-SUN_DEG = (-128.0, 48.0)
+SUN_DEG = (-118.0, 60.0)
 """Azimuth and elevation of the sun."""
-SUN_RADIUS_DEG, SUN = 4.5, (74.0, 66.0, 52.0)
+SUN_RADIUS_DEG, SUN = 9.0, (15.5, 14.0, 11.5)
 """Its radius, and its radiance in the middle: larger and dimmer than the real one, with softer shadows."""
 
 
@@ -77,8 +77,8 @@ def _grass(d: np.ndarray) -> np.ndarray:
     colour = (1 - patch) * np.array([0.13, 0.24, 0.055]) + patch * np.array([0.24, 0.33, 0.075])
     colour = colour * (1 + 0.5 * tuft) + (1 - near) ** 3 * np.array([0.05, 0.05, 0.03])
     for seed, petals in ((17, (0.80, 0.76, 0.62)), (23, (0.78, 0.58, 0.06)), (29, (0.55, 0.16, 0.30))):
-        spots = _noise(8.0 * where + seed, seed) * _noise(1.1 * where - seed, seed + 1)
-        colour = _over(colour, np.broadcast_to(petals, colour.shape), np.minimum((spots - 0.66) / 0.02, 20 * near[:, 0] - 3))
+        spots = _noise(5.0 * where + seed, seed) * _noise(0.9 * where - seed, seed + 1)
+        colour = _over(colour, np.broadcast_to(petals, colour.shape), np.minimum((spots - 0.62) / 0.03, 14 * near[:, 0] - 5))
     return colour
 
 

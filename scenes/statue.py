@@ -1,0 +1,164 @@
+"""A stone angel on a table between two teapots of silver and gold, which mirror it and one another, in a room.
+
+After figure 4 of Popescu et al. 2006: what the pots show is a statue, a table top that ends, the other pot with what that
+one shows, and a room far away. In the first half only the eye moves, around the table; in the second the statue is pushed
+from behind the pots to before them, and turned.
+
+`lean` has 8,000 vertices for the statue and 5,000 for each pot. The paper says nothing of its meshes; `paper` is twice as fine
+along each direction of the statue, and the pots have four times the vertices.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal, get_args
+
+import numpy as np
+
+from benchharness.scene import Camera, Environment, Mesh, Object, Reflector, Scene, merged
+from scenes.angel import angel
+from scenes.pottery import Fineness, teapot
+from scenes.shapes import box, gently, mixed, placed, pose, sheet, steps, way_to
+
+DetailName = Literal["lean", "paper"]
+
+
+@dataclass(frozen=True)
+class Detail:
+    """How finely the scene is modelled.
+
+    cell      width of the grid's cells that the statue is made from, metres
+    pot       of each teapot
+    board     distance of base vertices on the table top, metres
+    panorama  rows of the room's picture
+    """
+
+    cell: float
+    pot: Fineness
+    board: float
+    panorama: int
+
+
+DETAILS: dict[str, Detail] = {
+    "lean": Detail(0.0045, Fineness(96, 10, 32, 24, 24, 32), 0.036, 1024),
+    "paper": Detail(0.00225, Fineness(192, 20, 64, 48, 48, 64), 0.018, 1024),
+}
+
+SILVER_ETA, SILVER_K = (0.155, 0.117, 0.138), (4.828, 3.122, 2.147)
+GOLD_ETA, GOLD_K = (0.143, 0.375, 1.442), (3.983, 2.386, 1.603)
+"""Complex indices of refraction for red, green and blue (Johnson and Christy 1972)."""
+
+TABLE = (-0.52, 0.52, -0.33, 0.33)
+"""The table top, which is z = 0: x from, to, y from, to, metres."""
+BOARDS = 7
+"""Of which it is made, along x."""
+SCALE = 0.78
+"""Size of the statue."""
+RADIUS = 0.088
+"""Of the teapots' bellies, metres."""
+POTS = {"silver teapot": (-0.215, 0.010, -152.0), "gold teapot": (0.215, -0.015, -20.0)}
+"""Where they stand, x and y, metres, and where their spouts point: degrees from +x."""
+FRAMES, FPS = 100, 25.0
+HALF = 50 / FPS
+"""When the eye has arrived and the statue sets out, seconds."""
+
+
+def statue(detail: DetailName = "lean", moving: bool = True) -> Scene:
+    """The statue and the two teapots.
+
+    detail   how finely they are modelled; the same things either way
+    moving   whether the statue moves in the second half; otherwise it stays where it is at first
+
+    Raises ValueError for anything else.
+    """
+    if detail not in get_args(DetailName):
+        raise ValueError(f"statue: detail is {detail!r}; accepted: {', '.join(get_args(DetailName))}")
+    if not isinstance(moving, bool):
+        raise ValueError(f"statue: moving is {moving!r}; accepted: true or false")
+    d = DETAILS[detail]
+    push, figure = Push(), placed(angel(d.cell / SCALE), scale=SCALE)
+    shows = "a detailed thing between two mirrors: arms, wings and folds, seen in both and in one through the other"
+    pot = teapot(RADIUS, d.pot)
+    metals = {"silver teapot": (SILVER_ETA, SILVER_K), "gold teapot": (GOLD_ETA, GOLD_K)}
+    scene = Scene(
+        name="statue",
+        objects=(
+            Object("statue", figure, shows, push) if moving else Object("statue", figure.transformed(push(0.0)), shows),
+            Object("table", top(d.board), "boards that end: straight lines under the pots, and the room beyond them"),
+            Object("table edge", edge(d.board), "gives the table a thickness, in the picture and in the mirrors"),
+        ),
+        reflectors=tuple(
+            Reflector(name, placed(pot, (x, y, 0.0), turn_deg), None, *metals[name]) for name, (x, y, turn_deg) in POTS.items()
+        ),
+        camera=Orbit(),
+        frames=FRAMES,
+        fps=FPS,
+        environment=Environment.painted(_placeholder, d.panorama, centre=(0.0, 0.0, 0.1)),
+        exposure=0.0,
+        detail=detail,
+    )
+    scene.source.update(detail=detail, moving=moving, base_vertices=scene.vertices)
+    return scene
+
+
+def _placeholder(d: np.ndarray) -> np.ndarray:
+    t = np.abs(d).max(axis=1, keepdims=True)
+    p = d / t
+    c = np.where(p[:, 2:] >= 1, 0.9, np.where(p[:, 2:] <= -1, 0.12, 0.45)) * np.array([1.0, 0.93, 0.82])
+    window = (p[:, 0] <= -1) & (abs(p[:, 1]) < 0.4) & (p[:, 2] > 0) & (p[:, 2] < 0.7)
+    return np.where(window[:, None], [7.0, 7.5, 8.5], c)
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """The camera: goes around the table for the first half of the time, and then rests.
+
+    From and to are azimuth and elevation (degrees) and distance (metres) of the eye from `target`.
+    """
+
+    target: tuple[float, float, float] = (0.0, 0.0, 0.105)
+    azimuth_deg: tuple[float, float] = (-122.0, -80.0)
+    elevation_deg: tuple[float, float] = (12.0, 19.0)
+    distance: tuple[float, float] = (1.22, 1.02)
+    duration: float = HALF
+
+    def __call__(self, time: float) -> Camera:
+        s = gently(time, self.duration)
+        way = way_to(mixed(self.azimuth_deg, s), mixed(self.elevation_deg, s))
+        eye = np.asarray(self.target) + mixed(self.distance, s) * way
+        return Camera(tuple(eye.tolist()), self.target, fov_deg=29.0)
+
+
+@dataclass(frozen=True)
+class Push:
+    """The statue's way on the table, straight from `away[0]` to `away[1]` (x, y), turning from and to `turn_deg` from where
+    it looks along -y; it rests until `start` seconds."""
+
+    away: tuple[tuple[float, float], tuple[float, float]] = ((-0.015, 0.170), (0.020, -0.150))
+    turn_deg: tuple[float, float] = (-12.0, 78.0)
+    start: float = HALF
+    duration: float = (FRAMES - 1) / FPS - HALF
+
+    def __call__(self, time: float) -> np.ndarray:
+        s = gently(max(0.0, time - self.start), self.duration)
+        (x0, y0), (x1, y1) = self.away
+        return pose((mixed((x0, x1), s), mixed((y0, y1), s), 0.0), mixed(self.turn_deg, s))
+
+
+def top(spacing: float) -> Mesh:
+    """The boards of the table top, at z = 0, facing up: each of a tone of its own, with some grain."""
+    x0, x1, y0, y1 = TABLE
+    rng, boards = np.random.default_rng(3), []
+    for low, high in pairwise(np.linspace(y0, y1, BOARDS + 1)):
+        board = sheet((0, 0, 0), (1, 0, 0), (0, 1, 0), steps(x0, x1, spacing), steps(low, high, spacing), (0.40, 0.22, 0.10))
+        tone, phase = rng.uniform(0.72, 1.28), rng.uniform(0, 6)
+        grain = 1 + 0.10 * np.sin(90 * board.vertices[:, 1:2] + 3 * np.sin(5 * board.vertices[:, :1] + phase))
+        boards.append(Mesh(board.vertices, board.faces, board.normals, board.albedo * tone * grain))
+    return merged(*boards)
+
+
+def edge(spacing: float) -> Mesh:
+    """The table's sides and underside, 32 mm high."""
+    x0, x1, y0, y1 = TABLE
+    return box((x0, y0, -0.032), (x1, y1, 0.0), (0.24, 0.12, 0.055), "+z", 4 * spacing)
