@@ -20,6 +20,7 @@ import numpy as np
 
 from benchharness.scene import Camera, Environment, Mesh, Object, Reflector, Scene
 from scenes import creature
+from scenes.courtyard import METALS
 from scenes.meadow import meadow
 from scenes.shapes import gently, mixed, placed, pose, tiles, way_to
 
@@ -41,9 +42,6 @@ class Detail:
 
 
 DETAILS: dict[str, Detail] = {"lean": Detail(0.0062, 18, 1024), "paper": Detail(0.00278, 18, 1024)}
-
-SILVER_ETA, SILVER_K = (0.155, 0.117, 0.138), (4.828, 3.122, 2.147)
-"""Complex index of refraction of silver for red, green and blue (as Mitsuba's `Ag` at 620, 540 and 450 nm)."""
 
 MIRROR_DEG = 16.0
 """How far the mirror-like bunny, at the origin, is turned to the right of the picture."""
@@ -78,7 +76,7 @@ def bunnies(detail: DetailName = "lean", moving: bool = True) -> Scene:
             Object("bunny", furry, shows, walk) if moving else Object("bunny", furry.transformed(walk(0.0)), shows),
             Object("floor", floor(d.tiles), "straight lines and even steps, which show how the mirror bends what it shows"),
         ),
-        reflectors=(Reflector("mirror bunny", mirror, None, SILVER_ETA, SILVER_K),),
+        reflectors=(Reflector("mirror bunny", mirror, None, *METALS["silver"]),),
         camera=Orbit(),
         frames=FRAMES,
         fps=FPS,
@@ -97,10 +95,10 @@ class Orbit:
     From and to are azimuth and elevation (degrees) and distance (metres) of the eye from `target`.
     """
 
-    target: tuple[float, float, float] = (0.005, 0.0, 0.165)
+    target: tuple[float, float, float] = (0.005, 0.0, 0.162)
     azimuth_deg: tuple[float, float] = (-128.0, -84.0)
     elevation_deg: tuple[float, float] = (5.5, 8.5)
-    distance: tuple[float, float] = (1.00, 0.80)
+    distance: tuple[float, float] = (1.00, 0.86)
     duration: float = HALF
 
     def __call__(self, time: float) -> Camera:

@@ -29,7 +29,7 @@ from benchharness.inside import is_closed
 from benchharness.scene import Mesh
 
 Triple = tuple[float, float, float]
-ROUNDS = 12
+ROUNDS = 10
 """Of spreading the vertices."""
 
 
@@ -165,11 +165,11 @@ def _spread(blobs: Sequence[Blob], v: np.ndarray, faces: np.ndarray) -> np.ndarr
     i, j = np.concatenate([edges, edges[:, ::-1]]).T
     sums = coo_array((np.ones(len(i)), (i, j)), (len(v), len(v))).tocsr()
     count = np.bincount(i, minlength=len(v))[:, None]
-    v = _on_surface(blobs, v, 2)
     for _ in range(ROUNDS):
-        n = normals(blobs, v)
+        f, g = gradient(blobs, v)
+        steep = (g * g).sum(axis=1, keepdims=True)
         way = sums @ v / count - v
-        v = _on_surface(blobs, v + 0.5 * (way - n * (way * n).sum(axis=1, keepdims=True)), 1)
+        v = v + 0.5 * way - g * ((0.5 * way * g).sum(axis=1, keepdims=True) + f[:, None]) / steep
     return _on_surface(blobs, v, 3)
 
 

@@ -18,6 +18,8 @@ import numpy as np
 
 from benchharness.scene import Camera, Environment, Mesh, Object, Reflector, Scene, merged
 from scenes.angel import angel
+from scenes.courtyard import METALS
+from scenes.parlour import parlour
 from scenes.pottery import Fineness, teapot
 from scenes.shapes import box, gently, mixed, placed, pose, sheet, steps, way_to
 
@@ -41,15 +43,11 @@ class Detail:
 
 
 DETAILS: dict[str, Detail] = {
-    "lean": Detail(0.0045, Fineness(96, 10, 32, 24, 24, 32), 0.036, 1024),
-    "paper": Detail(0.00225, Fineness(192, 20, 64, 48, 48, 64), 0.018, 1024),
+    "lean": Detail(0.0039, Fineness(72, 6, 20, 16, 16, 22), 0.036, 1024),
+    "paper": Detail(0.00195, Fineness(144, 12, 40, 32, 32, 44), 0.018, 1024),
 }
 
-SILVER_ETA, SILVER_K = (0.155, 0.117, 0.138), (4.828, 3.122, 2.147)
-GOLD_ETA, GOLD_K = (0.143, 0.375, 1.442), (3.983, 2.386, 1.603)
-"""Complex indices of refraction for red, green and blue (Johnson and Christy 1972)."""
-
-TABLE = (-0.52, 0.52, -0.33, 0.33)
+TABLE = (-0.46, 0.46, -0.30, 0.30)
 """The table top, which is z = 0: x from, to, y from, to, metres."""
 BOARDS = 7
 """Of which it is made, along x."""
@@ -57,7 +55,7 @@ SCALE = 0.78
 """Size of the statue."""
 RADIUS = 0.088
 """Of the teapots' bellies, metres."""
-POTS = {"silver teapot": (-0.215, 0.010, -152.0), "gold teapot": (0.215, -0.015, -20.0)}
+POTS = {"silver": (-0.205, 0.010, -146.0), "gold": (0.205, -0.015, -36.0)}
 """Where they stand, x and y, metres, and where their spouts point: degrees from +x."""
 FRAMES, FPS = 100, 25.0
 HALF = 50 / FPS
@@ -80,7 +78,6 @@ def statue(detail: DetailName = "lean", moving: bool = True) -> Scene:
     push, figure = Push(), placed(angel(d.cell / SCALE), scale=SCALE)
     shows = "a detailed thing between two mirrors: arms, wings and folds, seen in both and in one through the other"
     pot = teapot(RADIUS, d.pot)
-    metals = {"silver teapot": (SILVER_ETA, SILVER_K), "gold teapot": (GOLD_ETA, GOLD_K)}
     scene = Scene(
         name="statue",
         objects=(
@@ -89,25 +86,18 @@ def statue(detail: DetailName = "lean", moving: bool = True) -> Scene:
             Object("table edge", edge(d.board), "gives the table a thickness, in the picture and in the mirrors"),
         ),
         reflectors=tuple(
-            Reflector(name, placed(pot, (x, y, 0.0), turn_deg), None, *metals[name]) for name, (x, y, turn_deg) in POTS.items()
+            Reflector(f"{metal} teapot", placed(pot, (x, y, 0.0), turn_deg), None, *METALS[metal])
+            for metal, (x, y, turn_deg) in POTS.items()
         ),
         camera=Orbit(),
         frames=FRAMES,
         fps=FPS,
-        environment=Environment.painted(_placeholder, d.panorama, centre=(0.0, 0.0, 0.1)),
+        environment=Environment.painted(parlour(d.panorama), d.panorama, centre=(0.0, 0.0, 0.1)),
         exposure=0.0,
         detail=detail,
     )
     scene.source.update(detail=detail, moving=moving, base_vertices=scene.vertices)
     return scene
-
-
-def _placeholder(d: np.ndarray) -> np.ndarray:
-    t = np.abs(d).max(axis=1, keepdims=True)
-    p = d / t
-    c = np.where(p[:, 2:] >= 1, 0.9, np.where(p[:, 2:] <= -1, 0.12, 0.45)) * np.array([1.0, 0.93, 0.82])
-    window = (p[:, 0] <= -1) & (abs(p[:, 1]) < 0.4) & (p[:, 2] > 0) & (p[:, 2] < 0.7)
-    return np.where(window[:, None], [7.0, 7.5, 8.5], c)
 
 
 @dataclass(frozen=True)
@@ -119,8 +109,8 @@ class Orbit:
 
     target: tuple[float, float, float] = (0.0, 0.0, 0.105)
     azimuth_deg: tuple[float, float] = (-122.0, -80.0)
-    elevation_deg: tuple[float, float] = (12.0, 19.0)
-    distance: tuple[float, float] = (1.22, 1.02)
+    elevation_deg: tuple[float, float] = (11.0, 15.5)
+    distance: tuple[float, float] = (1.16, 1.06)
     duration: float = HALF
 
     def __call__(self, time: float) -> Camera:
@@ -135,7 +125,7 @@ class Push:
     """The statue's way on the table, straight from `away[0]` to `away[1]` (x, y), turning from and to `turn_deg` from where
     it looks along -y; it rests until `start` seconds."""
 
-    away: tuple[tuple[float, float], tuple[float, float]] = ((-0.015, 0.170), (0.020, -0.150))
+    away: tuple[tuple[float, float], tuple[float, float]] = ((-0.020, 0.160), (0.030, -0.140))
     turn_deg: tuple[float, float] = (-12.0, 78.0)
     start: float = HALF
     duration: float = (FRAMES - 1) / FPS - HALF
