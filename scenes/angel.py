@@ -67,7 +67,8 @@ def _folds() -> list[Blob]:
         c, s = np.cos(angle), np.sin(angle)
         hem, turn = (0.046, 0.041, 0.049)[i % 3], 0.16
         c1, s1 = np.cos(angle + turn), np.sin(angle + turn)
-        out.append(limb((0.013 * c, 0.010 * s, 0.186), (hem * c1, 0.92 * hem * s1, 0.030), 0.0092, 0.0092, k=0.0022, part="fold"))
+        foot = (hem * c1, 0.92 * hem * s1, 0.030)
+        out.append(limb((0.013 * c, 0.010 * s, 0.186), foot, 0.0092, k=0.0022, part="fold"))
     return out
 
 
@@ -78,7 +79,8 @@ def _wing() -> list[Blob]:
            ((arch[0], arch[1] + [0.006, 0.002, 0.008]), (arch[1] - [0.008, 0.003, 0.012], arch[2] + [0.006, 0.002, 0.0]),
             (arch[2] - [0.010, 0.002, 0.0], arch[3] + [0.004, 0.002, -0.012]))]  # fmt: skip
     tops = np.column_stack([np.interp(np.linspace(0.30, 3, 6), np.arange(4), arch[:, k]) for k in range(3)])
-    ends = np.column_stack([np.linspace(0.020, 0.094, 6), np.linspace(0.024, 0.046, 6), 0.118 + 0.026 * np.linspace(0, 1, 6) ** 2])
+    share = np.linspace(0, 1, 6)
+    ends = np.column_stack([0.020 + 0.074 * share, 0.024 + 0.022 * share, 0.118 + 0.026 * share**2])
     for top, end in zip(tops, ends, strict=True):
         out.append(limb(tuple(top), tuple(end), 0.0112, 0.0068, k=0.0016, part="feather"))
         tip = end + 0.20 * (top - end)
@@ -95,6 +97,6 @@ def angel(cell: float, around: int = 48) -> Mesh:
     b = blobs()
     figure = polygonised(b, cell)
     figure = replace(figure, albedo=blended(b, figure.vertices, STONE, 0.0012))
-    profile = [(0, 0), (0.066, 0), (0.066, 0.009), (0.058, 0.014), (0.053, 0.020), (0.052, 0.034), (0.059, 0.039), (0.059, PLINTH),
-               (0.030, PLINTH), (0, PLINTH)]  # fmt: skip
+    profile = [(0, 0), (0.066, 0), (0.066, 0.009), (0.058, 0.014), (0.053, 0.020), (0.052, 0.034), (0.059, 0.039),
+               (0.059, PLINTH), (0, PLINTH)]  # fmt: skip
     return merged(figure, lathe(profile, around, (0.34, 0.24, 0.19)))

@@ -41,7 +41,7 @@ class Detail:
     panorama: int
 
 
-DETAILS: dict[str, Detail] = {"lean": Detail(0.0062, 18, 1024), "paper": Detail(0.00278, 18, 1024)}
+DETAILS: dict[str, Detail] = {"lean": Detail(0.0066, 18, 768), "paper": Detail(0.002775, 18, 768)}
 
 MIRROR_DEG = 16.0
 """How far the mirror-like bunny, at the origin, is turned to the right of the picture."""
@@ -67,9 +67,9 @@ def bunnies(detail: DetailName = "lean", moving: bool = True) -> Scene:
     if not isinstance(moving, bool):
         raise ValueError(f"bunnies: moving is {moving!r}; accepted: true or false")
     d = DETAILS[detail]
-    walk, furry = Walk(), placed(creature.hare(d.cell / SCALE), scale=SCALE)
+    walk, furry = Walk(), placed(creature.hare(d.cell), scale=SCALE)
     shows = "cut by the mirror: meets its own image along a line that travels as it moves"
-    mirror = placed(creature.mirror(d.cell), turn_deg=MIRROR_DEG)
+    mirror = placed(creature.body(d.cell), turn_deg=MIRROR_DEG)
     scene = Scene(
         name="bunnies",
         objects=(

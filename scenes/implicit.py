@@ -77,12 +77,14 @@ class Blob:
         return (((2 - 1 / a) * y / r**2 - a * (a - 1) / b**2 * y / r**4) / b) @ self.axes()
 
 
-def limb(start: Triple, end: Triple, radius: float, other: float | None = None, **more) -> Blob:
-    """A long blob whose tips are `start` and `end`; `radius` is half its width across, along x; `other` the other half width."""
+def limb(
+    start: Triple, end: Triple, radius: float, other: float | None = None, k: float = 0.01, cut: bool = False, part: str = ""
+) -> Blob:
+    """A long blob whose tips are `start` and `end`; `radius` is half its width along its level x, `other` across (the same)."""
     a, b = np.asarray(start, np.float64), np.asarray(end, np.float64)
     x, y, z = (0.5 * (a + b)).tolist()
     half = float(0.5 * np.linalg.norm(b - a))
-    return Blob((x, y, z), (radius, radius if other is None else other, half), tuple((b - a).tolist()), **more)
+    return Blob((x, y, z), (radius, radius if other is None else other, half), tuple((b - a).tolist()), k, cut, part)
 
 
 def mirrored(blobs: Sequence[Blob]) -> list[Blob]:

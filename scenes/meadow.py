@@ -20,7 +20,8 @@ def meadow(directions: np.ndarray) -> np.ndarray:
     d = directions
     azimuth = np.arctan2(d[:, 1], d[:, 0])
     elevation = np.degrees(np.arcsin(np.clip(d[:, 2], -1, 1)))
-    colour = _sky(d, elevation)
+    colour, above, below = np.zeros_like(d), elevation > -0.5, elevation < 0.5
+    colour[above] = _sky(d[above], elevation[above])
     layers = (
         # Elevation in degrees, colour at the foot and at the top, how sharp the outline is
         (10.0 + 5.0 * _waves(azimuth, (2, 3, 5), 1.7), (0.40, 0.52, 0.62), (0.36, 0.46, 0.60), 0.15),
@@ -31,7 +32,8 @@ def meadow(directions: np.ndarray) -> np.ndarray:
         share = np.clip(elevation / np.maximum(outline, 0.5), 0, 1)[:, None]
         body = (1 - share) * np.asarray(foot) + share * np.asarray(top)
         colour = _over(colour, body, (outline - elevation) / soft)
-    return _over(colour, _grass(d), -elevation / 0.10)
+    colour[below] = _over(colour[below], _grass(d[below]), -elevation[below] / 0.10)
+    return colour
 
 
 def _over(below: np.ndarray, above: np.ndarray, inside: np.ndarray) -> np.ndarray:
@@ -42,7 +44,7 @@ def _over(below: np.ndarray, above: np.ndarray, inside: np.ndarray) -> np.ndarra
 
 def _waves(azimuth: np.ndarray, orders: tuple[int, ...], phase: float) -> np.ndarray:
     """A sum of waves around the horizon, within -1 and 1."""
-    return sum(np.sin(k * azimuth + phase * (i + 1)) for i, k in enumerate(orders)) / len(orders)
+    return np.mean([np.sin(k * azimuth + phase * (i + 1)) for i, k in enumerate(orders)], axis=0)
 
 
 def _trees(azimuth: np.ndarray) -> np.ndarray:

@@ -43,8 +43,8 @@ class Detail:
 
 
 DETAILS: dict[str, Detail] = {
-    "lean": Detail(0.0039, Fineness(72, 6, 20, 16, 16, 22), 0.036, 1024),
-    "paper": Detail(0.00195, Fineness(144, 12, 40, 32, 32, 44), 0.018, 1024),
+    "lean": Detail(0.0039, Fineness(72, 6, 20, 16, 16, 22), 0.036, 768),
+    "paper": Detail(0.00195, Fineness(144, 12, 40, 32, 32, 44), 0.018, 768),
 }
 
 TABLE = (-0.46, 0.46, -0.30, 0.30)
@@ -53,9 +53,9 @@ BOARDS = 7
 """Of which it is made, along x."""
 SCALE = 0.78
 """Size of the statue."""
-RADIUS = 0.088
+RADIUS = 0.098
 """Of the teapots' bellies, metres."""
-POTS = {"silver": (-0.205, 0.010, -146.0), "gold": (0.205, -0.015, -36.0)}
+POTS = {"silver": (-0.205, 0.010, -142.0), "gold": (0.205, -0.020, -38.0)}
 """Where they stand, x and y, metres, and where their spouts point: degrees from +x."""
 FRAMES, FPS = 100, 25.0
 HALF = 50 / FPS
@@ -117,7 +117,7 @@ class Orbit:
         s = gently(time, self.duration)
         way = way_to(mixed(self.azimuth_deg, s), mixed(self.elevation_deg, s))
         eye = np.asarray(self.target) + mixed(self.distance, s) * way
-        return Camera(tuple(eye.tolist()), self.target, fov_deg=29.0)
+        return Camera(tuple(eye.tolist()), self.target, fov_deg=27.5)
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ def top(spacing: float) -> Mesh:
         board = sheet((0, 0, 0), (1, 0, 0), (0, 1, 0), steps(x0, x1, spacing), steps(low, high, spacing), (0.40, 0.22, 0.10))
         tone, phase = rng.uniform(0.72, 1.28), rng.uniform(0, 6)
         grain = 1 + 0.10 * np.sin(90 * board.vertices[:, 1:2] + 3 * np.sin(5 * board.vertices[:, :1] + phase))
-        boards.append(Mesh(board.vertices, board.faces, board.normals, board.albedo * tone * grain))
+        boards.append(Mesh(board.vertices, board.faces, board.normals, np.asarray(board.albedo) * tone * grain))
     return merged(*boards)
 
 
