@@ -1,0 +1,136 @@
+"""A furry bunny and a mirror-like one that intersect, on stone tiles in a meadow.
+
+After figures 3 and 13 of Popescu et al. 2006: the furry bunny is cut by the mirror, so that object and image meet along
+a line, and its image is bent by a body with ears, hollows and creases that mirrors itself, too. In the first half
+only the eye moves; in the second the furry bunny goes through the front of the other one, from one side to the other, and
+the line with it.
+
+The mirror is not convex, nor star-shaped, and most points have several reflections in it.
+
+`lean` has 6,500 vertices for each bunny, twice what the shape needs to look smooth. Popescu et al. took the Stanford bunny
+and say nothing of its detail; `paper` has as many vertices as the full scan of that bunny, 35,947, within 1 %.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from benchharness.scene import Camera, Environment, Mesh, Object, Reflector, Scene
+from scenes import creature
+from scenes.courtyard import METALS
+from scenes.meadow import meadow
+from scenes.shapes import gently, mixed, placed, pose, tiles, way_to
+
+DetailName = Literal["lean", "paper"]
+
+
+@dataclass(frozen=True)
+class Detail:
+    """How finely the scene is modelled.
+
+    cell      width of the grid's cells that the bunnies are made from, metres
+    tiles     tiles along each side of the floor
+    panorama  rows of the meadow's picture
+    """
+
+    cell: float
+    tiles: int
+    panorama: int
+
+
+DETAILS: dict[str, Detail] = {"lean": Detail(0.0066, 18, 768), "paper": Detail(0.002775, 18, 768)}
+
+MIRROR_DEG = 16.0
+"""How far the mirror-like bunny, at the origin, is turned to the right of the picture."""
+SCALE = 0.86
+"""Size of the furry bunny; the mirror's is 1."""
+FLOOR = 1.17
+"""Length of the floor's sides, metres."""
+FRAMES, FPS = 100, 25.0
+HALF = 50 / FPS
+"""When the eye has arrived and the bunny sets out, seconds."""
+
+
+def bunnies(detail: DetailName = "lean", moving: bool = True) -> Scene:
+    """The two bunnies.
+
+    detail   how finely they are modelled; the same things either way
+    moving   whether the furry bunny moves in the second half; otherwise it stays where it is at first
+
+    Raises ValueError for anything else.
+    """
+    if detail not in get_args(DetailName):
+        raise ValueError(f"bunnies: detail is {detail!r}; accepted: {', '.join(get_args(DetailName))}")
+    if not isinstance(moving, bool):
+        raise ValueError(f"bunnies: moving is {moving!r}; accepted: true or false")
+    d = DETAILS[detail]
+    walk, furry = Walk(), placed(creature.hare(d.cell), scale=SCALE)
+    shows = "cut by the mirror: meets its own image along a line that travels as it moves"
+    mirror = placed(creature.body(d.cell), turn_deg=MIRROR_DEG)
+    scene = Scene(
+        name="bunnies",
+        objects=(
+            Object("bunny", furry, shows, walk) if moving else Object("bunny", furry.transformed(walk(0.0)), shows),
+            Object("floor", floor(d.tiles), "straight lines and even steps, which show how the mirror bends what it shows"),
+        ),
+        reflectors=(Reflector("mirror bunny", mirror, None, *METALS["silver"]),),
+        camera=Orbit(),
+        frames=FRAMES,
+        fps=FPS,
+        environment=Environment.painted(meadow, d.panorama, centre=(0.0, 0.0, 0.15)),
+        exposure=0.0,
+        detail=detail,
+    )
+    scene.source.update(detail=detail, moving=moving, base_vertices=scene.vertices)
+    return scene
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """The camera: goes around the bunnies for the first half of the time, and then rests.
+
+    From and to are azimuth and elevation (degrees) and distance (metres) of the eye from `target`.
+    """
+
+    target: tuple[float, float, float] = (0.005, 0.0, 0.162)
+    azimuth_deg: tuple[float, float] = (-128.0, -84.0)
+    elevation_deg: tuple[float, float] = (5.5, 8.5)
+    distance: tuple[float, float] = (1.00, 0.86)
+    duration: float = HALF
+
+    def __call__(self, time: float) -> Camera:
+        s = gently(time, self.duration)
+        way = way_to(mixed(self.azimuth_deg, s), mixed(self.elevation_deg, s))
+        eye = np.asarray(self.target) + mixed(self.distance, s) * way
+        return Camera(tuple(eye.tolist()), self.target, fov_deg=29.0)
+
+
+@dataclass(frozen=True)
+class Walk:
+    """The furry bunny's way through the front of the other one, on an arc, turning; it rests until `start` seconds.
+
+    From and to are azimuth (degrees) and distance (metres) of its middle from the other's, and where it looks, degrees from
+    -y to the right.
+    """
+
+    azimuth_deg: tuple[float, float] = (-168.0, -8.0)
+    distance: float = 0.098
+    turn_deg: tuple[float, float] = (-34.0, 48.0)
+    start: float = HALF
+    duration: float = (FRAMES - 1) / FPS - HALF
+
+    def __call__(self, time: float) -> np.ndarray:
+        s = gently(max(0.0, time - self.start), self.duration)
+        x, y, _ = (self.distance * way_to(mixed(self.azimuth_deg, s), 0.0)).tolist()
+        return pose((x, y, 0.0), mixed(self.turn_deg, s))
+
+
+def floor(count: int) -> Mesh:
+    """count x count stone tiles around the origin, light and dark in turn, each of a tone of its own; facing up."""
+    i, j = np.indices((count, count))
+    tone = np.random.default_rng(7).uniform(0.90, 1.10, (count, count, 1))
+    colour = np.where(((i + j) % 2 == 0)[..., None], (0.62, 0.56, 0.47), (0.30, 0.24, 0.20)) * tone
+    return tiles((-0.5 * FLOOR, -0.5 * FLOOR, 0.0), (FLOOR, 0, 0), (0, FLOOR, 0), (count, count), colour)
