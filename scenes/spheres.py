@@ -4,8 +4,8 @@ Figure 5 of the paper: nine reflectors, and seventy-two second-order reflections
 quite round for it. In the first half of the animation the eye goes around them; in the second it hardly moves and one of
 them bounces where it stands.
 
-The paper states no vertex counts. `lean` has 1,520 triangles a sphere, `paper` 5,952: 50,000 for nine, the outlines round
-to a tenth of a pixel.
+The paper states no vertex counts. `lean` has 1,520 triangles a sphere, its outline round to a quarter of a pixel; `paper`
+5,888, 53,000 for nine, round to a tenth of a pixel.
 """
 
 from __future__ import annotations

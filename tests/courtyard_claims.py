@@ -42,7 +42,7 @@ def mirrors_are_closed_and_their_normals_unit_and_outward(scene: Scene) -> None:
         area = np.linalg.norm(n, axis=1)
         assert area.min() > 1e-7, r.name  # no sliver: 2e-7 m² is a triangle with sides of half a millimetre
         cosine = np.einsum("fi,fki->fk", n / area[:, None], r.mesh.normals[r.mesh.faces])
-        assert cosine.min() > 0.7, r.name
+        assert cosine.min() > 0.8, r.name
 
 
 def mirrors_touch_the_floor_or_stay_above_it(scene: Scene, flies: str = "") -> None:

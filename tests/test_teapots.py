@@ -85,6 +85,29 @@ def test_normals_of_the_body_are_across_its_profile():
         assert np.degrees(np.arcsin(np.quantile(sine, 0.999))) < 0.3
 
 
+@pytest.mark.parametrize(("detail", "degrees"), [("lean", 0.6), ("paper", 0.15)])
+def test_normals_interpolated_on_the_belly_are_those_of_its_profile(detail, degrees):
+    # Halfway along each edge between rings, against the profile at that height. Edges around are symmetric: no error there.
+    p, n = (np.concatenate(a) for a in zip(*(pottery._stretch([c], 2000) for c in pottery.BODY[:2]), strict=True))
+    pot = pottery.teapot(1.0, DETAILS[detail])
+    edges = np.unique(np.sort(pot.faces[:, 1:], axis=1), axis=0)
+    a, b = pot.vertices[edges].swapaxes(0, 1)
+    away = np.hypot(a[:, 0], a[:, 1])
+    same = (abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) < 1e-9) & (a[:, 2] != b[:, 2])
+    belly = same & (np.minimum(a[:, 2], b[:, 2]) > 0.1) & (np.maximum(a[:, 2], b[:, 2]) < 1.13)
+    on = abs(np.interp(a[:, 2], p[:, 1], p[:, 0]) - away) < 1e-4
+    on &= abs(np.interp(b[:, 2], p[:, 1], p[:, 0]) - np.hypot(b[:, 0], b[:, 1])) < 1e-4
+    chosen = edges[belly & on]
+    assert len(chosen) > 200
+    middle, normal = pot.vertices[chosen].mean(axis=1), pot.normals[chosen].sum(axis=1)
+    # The point of the profile that the middle's normal leads to.
+    r, z = np.hypot(middle[:, 0], middle[:, 1]), middle[:, 2]
+    nearest = np.argmin((p[None, :, 0] - r[:, None]) ** 2 + (p[None, :, 1] - z[:, None]) ** 2, axis=1)
+    radial = (normal[:, :2] * middle[:, :2]).sum(axis=1) / r
+    angle = np.arctan2(normal[:, 2], radial) - np.arctan2(n[nearest, 1], n[nearest, 0])
+    assert np.degrees(abs(angle).max()) < degrees
+
+
 @pytest.mark.parametrize("curves", [pottery.BODY, pottery.LID])
 def test_curves_of_the_profile_go_over_into_each_other_with_one_tangent(curves):
     for one, other in pairwise(curves):
