@@ -83,6 +83,14 @@ def test_longest_spans_are_kept_wherever_they_are():
     assert np.all(np.array(dropped) == 3)
 
 
+def test_the_first_of_equal_spans_stays():
+    depth = np.full((64, 64), BACKGROUND)
+    for start, length in ((2, 3), (10, 3), (20, 8)):
+        depth[:, start : start + length] = 0.5
+    layout, rows, _ = built(depth, 1, 4)
+    np.testing.assert_array_equal(as_array(layout, rows)[0, 0, 10, :, 0], [2, -5, 20, -28])
+
+
 def test_an_empty_map_is_all_pen_up():
     layout, rows, dropped = built(np.full((32, 32), BACKGROUND), 4, 6)
     rows = as_array(layout, rows)
