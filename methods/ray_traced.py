@@ -89,7 +89,8 @@ class RayTraced(Method):
         lane = frame.pixels
         rays = mi.UInt32(frame.active)
         if dr.width(lane) == 0:  # no mirror in view
-            return Reflection(mi.Color3f(0), mi.Float(0), mi.Bool(frame.active), counters={"rays": rays}), state
+            empty = dr.zeros(mi.Float, dr.width(frame.active))
+            return Reflection(mi.Color3f(empty), empty, mi.Bool(frame.active), counters={"rays": rays}), state
         p, n, v = (dr.gather(type(a), a, lane) for a in (frame.p, frame.n, frame.v))
         r = optics.reflect(v, n)
         ray = _from(p, n, r)

@@ -6,10 +6,9 @@ import drjit as dr
 
 
 def spread(values: list, frame) -> list:
-    """Arrays with a lane for each of `pixels` of a `benchharness.api.Frame` -> with one for each pixel, 0 elsewhere."""
+    """Arrays with a lane for each of `pixels` of a `benchharness.api.Frame`, not none -> with one for each pixel, 0 elsewhere."""
     count = frame.view.width * frame.view.height
     full = [dr.zeros(type(value), count) for value in values]
     for target, value in zip(full, values, strict=True):
-        if dr.width(frame.pixels) > 0:
-            dr.scatter(target, value, frame.pixels)
+        dr.scatter(target, value, frame.pixels)
     return full
