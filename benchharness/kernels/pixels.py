@@ -6,7 +6,7 @@ import drjit as dr
 
 
 def spread(values: list, frame) -> list:
-    """Arrays with a lane for each of `pixels` of a `benchharness.api.Frame`, not none -> with one for each pixel, 0 elsewhere."""
+    """Arrays with a lane for each of `benchharness.api.Frame.pixels`, at least one -> with one for each pixel, else 0."""
     count = frame.view.width * frame.view.height
     full = [dr.zeros(type(value), count) for value in values]
     for target, value in zip(full, values, strict=True):
