@@ -292,8 +292,8 @@ def test_second_reflections_have_an_error_of_their_own_where_the_reference_shows
     assert [record["flip_second"] for record in found[None].values()] == [None, None]
     one, three = found[4]["one"], found[4]["three"]
     assert one["flip_second"] > 0.2 and one["flip_second"] > 5 * three["flip_second"]
-    # All that is wrong with one bounce is there.
-    assert one["flip"] * one["reflector_px"] == pytest.approx(one["flip_second"] * one["second_px"], rel=0.15)
+    # All that is wrong with one bounce is there; FLIP's filters spread some of it over the pixels around.
+    assert 0.5 < one["flip_second"] * one["second_px"] / (one["flip"] * one["reflector_px"]) < 1
     (row,) = results.summary([{**dict.fromkeys(results.COLUMNS), **one}])
     assert (row["second_px"], row["flip_second"]) == (one["second_px"], one["flip_second"])
 

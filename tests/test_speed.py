@@ -11,7 +11,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
-from mirror_room import balls, mirror_ball, scene, shaded
+from mirror_room import balls, mirror_ball, shaded
+from mirror_room import scene as scene_of
 from small_room import small_room
 from typer.testing import CliRunner
 
@@ -312,7 +313,7 @@ def test_a_folder_in_use_is_refused(tmp_path):
 
 
 def test_embree_shows_a_panorama_as_the_harness_does():
-    made = scene(
+    made = scene_of(
         balls(), (mirror_ball(),), environment=Environment.painted(lambda d: 0.5 + 0.4 * d, 32), frames=1,
     )  # fmt: skip
     renderer = FrameRenderer(made, *SIZE)
