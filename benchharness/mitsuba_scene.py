@@ -101,8 +101,10 @@ PANORAMA_TO_WORLD = np.array([[0.0, 0.0, -1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0
 def _surroundings(scene: Scene) -> dict | None:
     """What lights the scene from infinity; None where that is black."""
     if scene.environment is not None and scene.environment.radiance.any():
-        bitmap = mi.Bitmap(np.float32(scene.environment.as_seen()))
-        return {"type": "envmap", "bitmap": bitmap, "to_world": mi.ScalarTransform4f(PANORAMA_TO_WORLD)}
+        seen = scene.environment.as_seen()
+        if len(seen) == 2:  # Mitsuba makes three rows of two, in its own way
+            seen = np.stack([seen[0], 0.5 * (seen[0] + seen[1]), seen[1]])
+        return {"type": "envmap", "bitmap": mi.Bitmap(np.float32(seen)), "to_world": mi.ScalarTransform4f(PANORAMA_TO_WORLD)}
     return {"type": "constant", "radiance": _rgb(scene.background)} if np.any(scene.background) else None
 
 

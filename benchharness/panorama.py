@@ -70,6 +70,11 @@ class Environment:
             )
         return cls(radiance.reshape(directions.shape), centre, ground)
 
+    @classmethod
+    def from_picture(cls, picture: np.ndarray, centre=(0.0, 0.0, 0.0), ground: str | None = None) -> Environment:
+        """Out of a panorama as it is photographed, [H, W, 3], +x at its left and right ends; the inverse of `as_seen`."""
+        return cls(np.asarray(picture)[:, ::-1], centre, ground)
+
     def lookup(self, directions: np.ndarray) -> np.ndarray:
         """Radiance that arrives from `directions` [..., 3], float64; of any length but 0."""
         d = np.asarray(directions, np.float64)

@@ -12,6 +12,10 @@ Paths are relative to the config. OBJ, PLY and GLB are read by trimesh, vertices
 (right-handed, z up, metres; `scale`, then `rotate_deg` about x, y, z in this order, then `translate` bring others
 there). A file's own normals are kept. Colours and textures of a file are not read: albedo and emission are one colour
 per object. Objects do not move; the eye goes along `path` at even pace between its points.
+
+In place of `background`, `environment = "sky.exr"` names a panorama (latitude and longitude, EXR or HDR, linear) as it is
+photographed, straight up in its first row and +x at its left and right ends, +y a quarter from the right; taken at
+`environment_centre`, by default the origin.
 """
 
 from __future__ import annotations
@@ -25,11 +29,12 @@ import numpy as np
 import trimesh
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from benchharness import plugins
+from benchharness import platform, plugins
 from benchharness.inside import is_closed
-from benchharness.scene import Camera, Mesh, Object, Reflector, Scene, merged
+from benchharness.scene import Camera, Environment, Mesh, Object, Reflector, Scene, merged
 
 SUFFIXES = (".obj", ".ply", ".glb")
+PANORAMAS = (".exr", ".hdr")
 
 Vector = tuple[float, float, float]
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -76,6 +81,8 @@ class SceneTable(Table):
     fps: Positive = 25.0
     near: Positive = 0.01
     background: tuple[Radiance, Radiance, Radiance] = (0.0, 0.0, 0.0)
+    environment: str | None = None
+    environment_centre: Vector | None = None
     ppd: Positive = 67.0
     exposure: float = 0.0
 
@@ -119,6 +126,7 @@ def build(name: str, table: SceneTable, base: Path, where: str) -> Scene:
         twice = sorted({n for n in names if names.count(n) > 1})
         if twice:
             raise ValueError(f"{where}.{kind}: the name {twice[0]!r} is there twice; accepted: one part per name")
+    environment = _environment(table, base, where)
     return Scene(
         name=name,
         objects=tuple(objects),
@@ -131,7 +139,35 @@ def build(name: str, table: SceneTable, base: Path, where: str) -> Scene:
         ppd=table.ppd,
         exposure=table.exposure,
         source=table.model_dump(mode="json"),
+        environment=environment,
     )
+
+
+def _environment(table: SceneTable, base: Path, where: str) -> Environment | None:
+    """The panorama of a table; ValueError beside a background, and for a file that holds none."""
+    if table.environment is None:
+        if table.environment_centre is not None:
+            raise ValueError(f"{where}.environment_centre is there without an environment; accepted: both or none")
+        return None
+    if any(table.background):
+        raise ValueError(f"{where} has a background and an environment; accepted: one of them")
+    path = base / table.environment
+    if path.suffix.lower() not in PANORAMAS:
+        raise ValueError(f"{where}.environment is {str(path)!r}; accepted: a file that ends in {', '.join(PANORAMAS)}")
+    if not path.is_file():
+        raise ValueError(f"{where}.environment: there is no file {path}; accepted: a path relative to the config")
+    platform.use_llvm()
+    import mitsuba as mi  # late: reading a config needs it for panoramas alone
+
+    try:
+        picture = mi.Bitmap(str(path)).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False)
+        seen = np.array(picture, np.float64)
+    except Exception as error:
+        raise ValueError(f"{where}.environment: {path} cannot be read: {error}; accepted: an RGB panorama") from error
+    try:
+        return Environment.from_picture(seen, table.environment_centre or (0.0, 0.0, 0.0))
+    except ValueError as error:
+        raise ValueError(f"{where}.environment: {path}: {error}") from None
 
 
 def load_mesh(path: Path, where: str, placed: Placed) -> Mesh:

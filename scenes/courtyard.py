@@ -6,12 +6,13 @@ without a seam as seen from `CENTRE`, as high as what stands there.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
-from benchharness.scene import Environment, Mesh, Object, merged
-from scenes.shapes import Colour
+from benchharness.scene import Camera, Environment, Mesh, Object, merged
+from scenes.shapes import Colour, from_rest_to_rest, mixed, way_to
 from scenes.surroundings import Ground, gallery
 
 SIDE, SQUARE = 6.0, 0.1875
@@ -22,7 +23,7 @@ WHITE: Colour = (0.80, 0.775, 0.73)
 BLACK: Colour = (0.055, 0.055, 0.06)
 CENTRE = (0.0, 0.0, 0.30)
 """Where the panorama is taken, metres."""
-LIGHT: Colour = (1.633, 1.564, 1.560)
+LIGHT: Colour = (1.820, 1.807, 1.881)
 """Irradiance of the open floor over π: the radiance of a white floor under the panorama's upper half."""
 ROWS = 768
 """Of the panorama: one sample is 0.18 degrees, 2.5 pixels of the pictures."""
@@ -50,7 +51,7 @@ def floor() -> Object:
         s, t = (a.ravel() / n for a in np.meshgrid(np.arange(n + 1), np.arange(n + 1)))
         corner = np.column_stack([i[chosen], j[chosen]])[:, None] + np.column_stack([s, t])
         quad = np.array([k * (n + 1) + m for k in range(n) for m in range(n)])[:, None]
-        faces = np.concatenate([quad + [0, 1, n + 2], quad + [0, n + 2, n + 1]])
+        faces = np.concatenate([np.add(quad, [0, 1, n + 2]), np.add(quad, [0, n + 2, n + 1])])
         faces = faces + (n + 1) ** 2 * np.arange(len(chosen))[:, None, None]
         white = np.repeat((i + j)[chosen] % 2 == 0, (n + 1) ** 2)
         points = np.pad(SQUARE * corner.reshape(-1, 2), ((0, 0), (0, 1)))
@@ -58,6 +59,32 @@ def floor() -> Object:
     return Object(
         "floor", merged(*pieces), "a checker whose lines each mirror bends in its own way, and which goes on beyond it"
     )
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """A camera that goes around from the first to the second of each three, and only a little further to the third.
+
+    half, end      seconds: when it comes to rest for the first time, and for good
+    """
+
+    azimuth_deg: tuple[float, float, float]
+    elevation_deg: tuple[float, float, float]
+    distance: tuple[float, float, float]
+    target: tuple[float, float, float]
+    fov_deg: float
+    half: float
+    end: float
+
+    def __call__(self, time: float) -> Camera:
+        one, two = from_rest_to_rest(time, self.half), from_rest_to_rest(time - self.half, self.end - self.half)
+
+        def at(stops: tuple[float, float, float]) -> float:
+            return mixed(stops[:2], one) + two * (stops[2] - stops[1])
+
+        way = way_to(at(self.azimuth_deg), at(self.elevation_deg))
+        eye = np.asarray(self.target) + at(self.distance) * way
+        return Camera(tuple(eye.tolist()), self.target, self.fov_deg)
 
 
 @lru_cache(maxsize=1)

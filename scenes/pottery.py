@@ -3,14 +3,13 @@
 The type is that of M. Newell's teapot of 1975; the curves are our own. All lengths are shares of the radius of the belly;
 z = 0 is what it stands on, the axis is z, the spout points to +x. Three pieces, each closed by itself; the ends of spout
 and handle lie inside the body. Normals are those of the true surfaces, from the derivatives of their curves; vertices are
-doubled at the edges alone: around the bottom, in the groove between body and lid, and at the ends inside the body.
+doubled at edges alone: around the bottom, where the belly leaves the foot, around the lid, and at the ends inside the body.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -19,15 +18,16 @@ from benchharness.scene import Mesh, merged
 
 Curve = Sequence[tuple[float, float]]
 
-BOTTOM: Curve = ((0.0, 0.0), (0.24, 0.0), (0.48, 0.0), (0.70, 0.0))
+BOTTOM: Curve = ((0.0, 0.0), (0.22, 0.0), (0.44, 0.0), (0.66, 0.0))
+FOOT: Curve = ((0.66, 0.0), (0.715, 0.0), (0.735, 0.045), (0.685, 0.075))
 BODY: tuple[Curve, ...] = (
-    ((0.70, 0.0), (0.69, 0.07), (1.0, 0.13), (1.0, 0.46)),
-    ((1.0, 0.46), (1.0, 0.77), (0.875, 0.985), (0.755, 1.13)),
+    ((0.685, 0.075), (0.87, 0.105), (1.0, 0.24), (1.0, 0.48)),
+    ((1.0, 0.48), (1.0, 0.79), (0.875, 0.985), (0.755, 1.13)),
     ((0.755, 1.13), (0.715, 1.1783), (0.665, 1.19), (0.66, 1.135)),
 )
 LID: tuple[Curve, ...] = (
     ((0.66, 1.135), (0.62, 1.24), (0.22, 1.21), (0.11, 1.29)),
-    ((0.11, 1.29), (0.055, 1.334), (0.175, 1.36), (0.175, 1.44)),
+    ((0.11, 1.29), (0.055, 1.33), (0.175, 1.36), (0.175, 1.44)),
     ((0.175, 1.44), (0.175, 1.515), (0.095, 1.56), (0.0, 1.56)),
 )
 """Cubic Bezier curves of (radius, z), upward, that go over into each other with one tangent."""
@@ -74,9 +74,11 @@ class Fineness:
 
 def teapot(radius: float, fine: Fineness) -> Mesh:
     """A teapot with a belly of `radius` metres, around the origin on z = 0."""
+    n = fine.curve
     pieces = [
-        _lathed([[BOTTOM], BODY, LID], fine.body, fine.curve),
-        _swept(_with_mouth(_along(SPOUT, fine.spout_rings)), fine.spout),
+        # The turn below the belly is the longest: it has half as many steps again.
+        _lathed([([BOTTOM], [1]), ([FOOT], [n // 2 + 1]), (BODY, [n + n // 2, n, n]), (LID, [n, n, n])], fine.body),
+        _swept(_with_mouth(SPOUT, fine.spout_rings), fine.spout),
         _swept(_along(HANDLE, fine.handle_rings), fine.handle),
     ]
     whole = merged(*pieces)
@@ -91,13 +93,13 @@ def _bezier(curve: Curve, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return points, 3 * (s * s * (p[1] - p[0]) + 2 * s * t * (p[2] - p[1]) + t * t * (p[3] - p[2]))
 
 
-def _stretch(curves: Sequence[Curve], count: int) -> tuple[np.ndarray, np.ndarray]:
+def _stretch(curves: Sequence[Curve], counts: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
     """Points and unit normals (radius, z), to the right of the way, of curves that go over into each other smoothly.
 
-    Along each, `count` steps share its length and its turn alike: a mirror's picture follows the turn.
+    Along each, its `counts` steps share its length and its turn alike: a mirror's picture follows the turn.
     """
     points, normals = [], []
-    for curve in curves:
+    for curve, count in zip(curves, counts, strict=True):
         t = np.linspace(0, 1, 401)
         p, d = _bezier(curve, t)
         direction = np.unwrap(np.arctan2(d[:, 1], d[:, 0]))
@@ -111,13 +113,14 @@ def _stretch(curves: Sequence[Curve], count: int) -> tuple[np.ndarray, np.ndarra
     return np.concatenate(points), np.concatenate(normals)
 
 
-def _lathed(stretches: Sequence[Sequence[Curve]], around: int, count: int) -> Mesh:
-    """A closed surface of revolution; smooth within each stretch. The first starts and the last ends on the axis."""
+def _lathed(stretches: Sequence[tuple[Sequence[Curve], Sequence[int]]], around: int) -> Mesh:
+    """A closed surface of revolution; smooth within each stretch, whose curves have so many steps each. The first starts
+    and the last ends on the axis."""
     angle = 2 * np.pi * np.arange(around) / around
     turn = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     meshes = []
-    for k, curves in enumerate(stretches):
-        p, n = _stretch(curves, 1 if k == 0 else count)
+    for curves, counts in stretches:
+        p, n = _stretch(curves, counts)
         vertices = np.concatenate([np.column_stack([r * turn, np.full(around, z)]) for r, z in p])
         normals = np.concatenate([np.column_stack([x * turn, np.full(around, y)]) for x, y in n])
         faces = _rings(len(p), around)
@@ -138,25 +141,32 @@ def _rings(count: int, around: int) -> np.ndarray:
 
 def _along(stations: np.ndarray, count: int) -> np.ndarray:
     """Stations [count, 5] on the spline through `stations`, evenly along the way of the middle."""
+    spline, length = _spline(stations)
+    return spline(np.linspace(0, length, count))
+
+
+def _spline(stations: np.ndarray) -> tuple[CubicSpline, float]:
+    """Through `stations`, by the way of the middle; and its length."""
     way = np.r_[0, np.hypot(*np.diff(stations[:, :2], axis=0).T).cumsum()]
-    return CubicSpline(way, stations)(np.linspace(0, way[-1], count))
+    return CubicSpline(way, stations), way[-1]
 
 
-def _with_mouth(stations: np.ndarray) -> np.ndarray:
-    """The spout goes on over a rounded lip and back inside, to where it is closed."""
-    end = stations[-1]
+def _with_mouth(stations: np.ndarray, count: int) -> np.ndarray:
+    """`count` stations along the spout, which goes on over a rounded lip and back inside, to where it is closed."""
+    spline, length = _spline(stations)
+    outside, end = _along(stations, count), stations[-1]
     out = np.radians(end[4] - 90)
     out = np.array([np.cos(out), np.sin(out)])
-    lip = []
-    for psi in np.radians([30, 65, 90, 115, 150]):
-        lip.append([*(end[:2] + LIP * np.sin(psi) * out), *(end[2:4] - LIP * (1 - np.cos(psi))), end[4]])
-    inner = stations[[-2, -3]].copy()
-    inner[:, 2:4] -= 2 * LIP
-    inner[-1, 2:4] *= 0.6
-    back = end.copy()
-    back[2:4] -= 2 * LIP
-    back[:2] -= 0.15 * LIP * out
-    return np.concatenate([stations, lip, back[None], inner])
+    turn = np.radians(np.linspace(0, 180, 2 * (count // 3) + 1))[1:]
+    lip = np.column_stack([
+        end[:2] + LIP * np.sin(turn)[:, None] * out,
+        end[2:4] - LIP * (1 - np.cos(turn))[:, None],
+        np.full(len(turn), end[4]),
+    ])  # fmt: skip
+    inside = spline(length - np.array([0.03, 0.09, 0.16]))
+    inside[:, 2:4] -= 2 * LIP
+    inside[-1, 2:4] *= 0.7
+    return np.concatenate([outside, lip, inside])
 
 
 def _swept(stations: np.ndarray, around: int) -> Mesh:
@@ -171,7 +181,7 @@ def _swept(stations: np.ndarray, around: int) -> Mesh:
         up, dup = np.array([np.cos(turn), 0, np.sin(turn)]), dturn * np.array([-np.sin(turn), 0, np.cos(turn)])
         side = np.array([0.0, 1.0, 0.0])
         vertices.append([x, 0, z] + a * np.outer(c, up) + b * np.outer(s, side))
-        along = [dx, 0, dz] + np.outer(c, da * up + a * dup) + np.outer(s, db * side)
+        along = np.array([dx, 0, dz]) + np.outer(c, da * up + a * dup) + np.outer(s, db * side)
         across = -a * np.outer(s, up) + b * np.outer(c, side)
         n = np.cross(across, along)
         normals.append(n / np.linalg.norm(n, axis=1, keepdims=True))

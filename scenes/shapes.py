@@ -311,6 +311,12 @@ def gently(time: float, duration: float) -> float:
     return s + np.sin(2 * np.pi * s) * -0.6 / (2 * np.pi)  # speed 1 - 0.6 cos: from 0.4 to 1.6 of the mean
 
 
+def from_rest_to_rest(time: float, duration: float) -> float:
+    """Share of a way, 0 to 1, at `time` of `duration` seconds and beyond both ends; without speed or acceleration at either."""
+    s = float(np.clip(time / duration, 0.0, 1.0))
+    return s * s * s * (s * (6 * s - 15) + 10)
+
+
 def mixed(ends: tuple[float, float], s: float) -> float:
     """From the first to the second, linear in the share `s`."""
     return (1 - s) * ends[0] + s * ends[1]

@@ -7,6 +7,7 @@ import mitsuba as mi
 import numpy as np
 
 from benchharness.kernels import cubemap, geometry
+from benchharness.kernels.surroundings import Surroundings
 
 
 def smooth(d):
@@ -86,7 +87,7 @@ def test_a_capture_holds_what_lies_in_each_direction_and_how_far():
     n = 64
     everything = dr.full(mi.Bool, True, triangles.face_count)
     texels = cubemap.capture(
-        triangles, everything, mi.Point3f(0, 0, 0), n, mi.Float(0.01), mi.Color3f(0),
+        triangles, everything, mi.Point3f(0, 0, 0), n, mi.Float(0.01), Surroundings(mi.Color3f(0)),
     )  # fmt: skip
     d = random_directions()
     values = looked_up(texels, n, d)
@@ -99,7 +100,7 @@ def test_what_is_not_drawn_is_the_surroundings():
     triangles = geometry.upload([(vertices, smooth(vertices), faces)])
     nothing = dr.full(mi.Bool, False, triangles.face_count)
     texels = cubemap.capture(
-        triangles, nothing, mi.Point3f(0, 0, 0), 8, mi.Float(0.01), mi.Color3f(0.1, 0.2, 0.3),
+        triangles, nothing, mi.Point3f(0, 0, 0), 8, mi.Float(0.01), Surroundings(mi.Color3f(0.1, 0.2, 0.3)),
     )  # fmt: skip
     np.testing.assert_allclose(looked_up(texels, 8, random_directions(50)), np.tile([0.1, 0.2, 0.3, 0], (50, 1)), atol=1e-6)
 

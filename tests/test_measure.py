@@ -277,3 +277,30 @@ def test_a_single_frame_has_no_change_and_no_jitter():
     record = measured(made, {"search": ImageSpaceSearch()}, 0)[0][0, "search"]
     assert record["status"] == "ok" and record["flip"] is not None
     assert record.get("temporal_diff") is None and record.get("jitter_px") is None
+
+
+def test_second_reflections_have_an_error_of_their_own_where_the_reference_shows_them():
+    mirrors = (mirror_ball("one", (-0.42, 0.0, 0.0), 0.4, fine=48), mirror_ball("two", (0.42, 0.1, 0.0), 0.4, fine=48))
+    two = scene((glowing(walls(h=0.5)),), mirrors, frames=1)
+    methods = {"one": RayTraced(), "three": RayTraced(bounces=3)}
+    found = {}
+    for depth in (None, 4):
+        its = Bench(two, SIZE, ReferenceOptions(bake_spp=1, spp=2, max_depth=depth), None, seed=0, rounds=(2, 2))
+        found[depth] = {record["entry"]: record for record in its.run_frame(0, methods, lambda name: None)[0]}
+    counts = {record["second_px"] for records in found.values() for record in records.values()}
+    assert len(counts) == 1 and 20 < counts.pop() < found[4]["one"]["reflector_px"] / 3
+    assert [record["flip_second"] for record in found[None].values()] == [None, None]
+    one, three = found[4]["one"], found[4]["three"]
+    assert one["flip_second"] > 0.2 and one["flip_second"] > 5 * three["flip_second"]
+    # All that is wrong with one bounce is there; FLIP's filters spread some of it over the pixels around.
+    assert 0.5 < one["flip_second"] * one["second_px"] / (one["flip"] * one["reflector_px"]) < 1
+    (row,) = results.summary([{**dict.fromkeys(results.COLUMNS), **one}])
+    assert (row["second_px"], row["flip_second"]) == (one["second_px"], one["flip_second"])
+
+
+def test_a_mirror_alone_shows_no_second_reflection():
+    its = Bench(room(), SIZE, ReferenceOptions(bake_spp=1, spp=2, max_depth=4), None, seed=0, rounds=(2, 2))
+    (record,) = its.run_frame(0, {"map": EnvironmentMap(16)}, lambda name: None)[0]
+    assert record["flip"] > 0 and record["second_px"] <= 2
+    if record["second_px"] == 0:
+        assert record["flip_second"] is None

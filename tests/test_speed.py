@@ -11,14 +11,18 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
+from mirror_room import balls, mirror_ball, shaded
+from mirror_room import scene as scene_of
 from small_room import small_room
 from typer.testing import CliRunner
 
 from benchharness import reference
 from benchharness.bake import bake
-from benchharness.scene import Scene, refined
+from benchharness.frame import FrameRenderer
+from benchharness.scene import Environment, Scene, refined
 from benchharness.speed import __main__ as speed
 from benchharness.speed import embree, iterations, llvmpipe, rivals, stage, tessellation
+from methods.ray_traced import RayTraced
 
 SIZE = (48, 32)
 FRAME = 2
@@ -306,3 +310,15 @@ def test_a_folder_in_use_is_refused(tmp_path):
     done = CliRunner().invoke(speed.app, ["--out", str(tmp_path)])
     assert done.exit_code == 2
     assert "in use" in done.output
+
+
+def test_embree_shows_a_panorama_as_the_harness_does():
+    made = scene_of(
+        balls(), (mirror_ball(),), environment=Environment.painted(lambda d: 0.5 + 0.4 * d, 32), frames=1,
+    )  # fmt: skip
+    renderer = FrameRenderer(made, *SIZE)
+    expected = shaded(RayTraced(), made, 0, renderer=renderer)[0]
+    whole = np.array(embree.picture(embree.build(made, 0.0), expected.frame.view, True))
+    image = np.array(renderer.compose(expected.frame, expected.reflection.L))
+    assert (np.abs(image - whole).max(axis=0) > 1e-4).mean() < 0.003
+    assert np.ptp(image) > 0.7

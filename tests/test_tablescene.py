@@ -154,3 +154,43 @@ def test_the_eye_follows_the_reflector_into_its_own_space_and_an_open_sheet_has_
 def test_a_camera_that_looks_at_its_own_eye_is_refused():
     with pytest.raises(ValueError, match=r"frame 0 .* has no picture"):
         inside.check_cameras(room([(9, 9, 9)], Reflector("ball", ball())), [0], "here")
+
+
+# Panoramas
+
+
+def written(path, picture: np.ndarray):
+    import mitsuba as mi
+
+    mi.Bitmap(np.float32(picture)).write(str(path))
+    return path.name
+
+
+@pytest.mark.parametrize("suffix", ["exr", "hdr"])
+def test_a_panorama_file_is_seen_as_it_was_photographed(tmp_path, suffix):
+    picture = np.zeros((9, 16, 3))  # HDR files keep 8 bits of mantissa: powers of two are exact
+    picture[0], picture[8] = 4.0, 0.5  # straight up, straight down
+    picture[1:8, 11:13, 0] = 1.0  # around three quarters from the left: +y
+    picture[1:8, 7:9, 1] = 1.0  # the middle: -x
+    scene = built(tmp_path, environment=written(tmp_path / f"sky.{suffix}", picture), environment_centre=[1, 2, 3])
+    seen = scene.environment.lookup([[0, 0, 1], [0, 0, -1], [0, 1, 0], [-1, 0, 0], [1, 0, 0], [0, -1, 0]])
+    np.testing.assert_allclose(seen, [[4] * 3, [0.5] * 3, [1, 0, 0], [0, 1, 0], [0] * 3, [0] * 3], atol=1e-12)
+    assert scene.environment.centre == (1.0, 2.0, 3.0)
+    assert built(tmp_path).environment is None
+
+
+def test_a_panorama_that_is_none_is_refused_with_its_key(tmp_path):
+    good = written(tmp_path / "good.exr", np.ones((4, 8, 3)))
+    (tmp_path / "noise.exr").write_text("no picture")
+    for changes, reason in (
+        ({"environment": "sky.png"}, r"environment is .*sky\.png'; accepted: a file that ends in \.exr, \.hdr"),
+        ({"environment": "none.exr"}, r"environment: there is no file .*none\.exr"),
+        ({"environment": "noise.exr"}, r"environment: .*noise\.exr cannot be read"),
+        ({"environment": written(tmp_path / "dark.exr", np.full((4, 8, 3), -1.0))}, r"dark\.exr: .*row 0.*from 0"),
+        ({"environment": written(tmp_path / "thin.exr", np.ones((1, 8, 3)))}, r"thin\.exr: .*at least 2"),
+        ({"environment": good, "background": (0.1, 0.2, 0.3)}, "a background and an environment; accepted: one"),
+        ({"environment_centre": (0.0, 0.0, 1.0)}, "environment_centre is there without"),
+    ):
+        with pytest.raises(ValueError, match=reason) as error:
+            built(tmp_path, **changes)
+        assert "f.toml: mine" in str(error.value)

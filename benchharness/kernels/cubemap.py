@@ -17,29 +17,14 @@ import drjit as dr
 import mitsuba as mi
 
 from benchharness.kernels import geometry, raster, surroundings
-
-
-@dataclass
-class _Window:
-    """The camera of one face, border included; see `benchharness.api.View`."""
-
-    eye: mi.Point3f
-    x: mi.Vector4f
-    y: mi.Vector4f
-    w: mi.Vector4f
-    right: mi.Vector3f
-    down: mi.Vector3f
-    axis: mi.Vector3f
-    near: mi.Float
-    width: int
-    height: int
+from benchharness.kernels.window import Window
 
 
 def _unit(axis: int) -> mi.Vector3f:
     return mi.Vector3f(*(1.0 if k == axis else 0.0 for k in range(3)))
 
 
-def _window(face: int, n: int, centre: mi.Point3f, near: mi.Float) -> _Window:
+def _window(face: int, n: int, centre: mi.Point3f, near: mi.Float) -> Window:
     axis, sign = face // 2, 1 - 2 * (face % 2)
     forward, u, v = sign * _unit(axis), _unit((axis + 1) % 3), _unit((axis + 2) % 3)
     focal, middle = 0.5 * n, 0.5 * n + 1
@@ -47,7 +32,7 @@ def _window(face: int, n: int, centre: mi.Point3f, near: mi.Float) -> _Window:
     def row(direction: mi.Vector3f) -> mi.Vector4f:
         return mi.Vector4f(direction.x, direction.y, direction.z, -dr.dot(direction, centre))
 
-    return _Window(
+    return Window(
         eye=centre,
         x=row(focal * u + middle * forward),
         y=row(focal * v + middle * forward),
@@ -105,9 +90,9 @@ def face_of(d: mi.Vector3f) -> tuple[mi.UInt32, mi.Float, mi.Float]:
     return 2 * axis + dr.select(forward < 0, mi.UInt32(1), mi.UInt32(0)), u * scale, v * scale
 
 
-def lookup(texels: mi.Float, n: int, d: mi.Vector3f, active=True) -> mi.Vector4f:
-    """Bilinear value in direction d, of a map with n x n texels per face and a border."""
-    return _bilinear(texels, *face_of(d), mi.UInt32(n), mi.UInt32(0), active)
+def lookup(texels: mi.Float, n: int, d: mi.Vector3f, active=True, first=0) -> mi.Vector4f:
+    """Bilinear value in direction d, of a map with n x n texels per face and a border that starts at texel `first`."""
+    return _bilinear(texels, *face_of(d), mi.UInt32(n), mi.UInt32(first), active)
 
 
 def coarser(texels: mi.Float, n: int) -> mi.Float:

@@ -39,6 +39,13 @@ def of_scene(scene) -> Geometry:
     return upload(lit + black, lighting.shine_of(scene))
 
 
+def of_scene_seen(scene) -> Geometry:
+    """All parts of a scene that was baked, as the eye sees them: objects with their light, mirrors with their normals."""
+    lit = [(o.mesh.vertices, np.asarray(o.mesh.radiance), o.mesh.faces) for o in scene.objects]
+    mirrors = [(r.mesh.vertices, np.asarray(r.mesh.normals), r.mesh.faces) for r in scene.reflectors]
+    return upload(lit + mirrors, lighting.shine_of(scene))
+
+
 def upload(meshes: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], shine: lighting.Shine | None = None) -> Geometry:
     """One Geometry out of parts (vertices [V, 3], attributes [V, 3], faces [F, 3]), numbered in their order."""
     points, attributes, faces, start = [], [], [], 0
@@ -116,6 +123,17 @@ def placed(triangles: Geometry, poses: mi.Float) -> Geometry:
     if shine is not None:
         shine = replace(shine, normals=turned(triangles.points, shine.normals, count, poses))
     return replace(triangles, points=posed(triangles.points, count, poses), shine=shine)
+
+
+def placed_seen(triangles: Geometry, poses: mi.Float, objects: int) -> Geometry:
+    """What `of_scene_seen` has -> in world space, the mirrors' normals too. `objects`: the first mirror's part."""
+    world = placed(triangles, poses)
+    lane = dr.arange(mi.UInt32, triangles.vertex_count)
+    part = dr.gather(mi.Float, triangles.points, lane * 4 + 3)
+    normals = dr.gather(mi.Vector4f, turned(triangles.points, triangles.attributes, triangles.vertex_count, poses), lane)
+    kept = dr.gather(mi.Vector4f, triangles.attributes, lane)
+    world.attributes = _packed(dr.select(part >= objects, normals, kept), lane, triangles.vertex_count)
+    return world
 
 
 def posed(points: mi.Float, vertex_count: int, poses: mi.Float) -> mi.Float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
 
 def reflect(w: mi.Vector3f, n: mi.Normal3f) -> mi.Vector3f:
@@ -51,3 +52,16 @@ def fresnel_conductor(cos_theta: mi.Float, eta: mi.Color3f, k: mi.Color3f) -> mi
     s = (a2b2 + cos2 - 2 * cos_theta * a) / (a2b2 + cos2 + 2 * cos_theta * a)
     t1, t2 = cos2 * a2b2 + dr.square(sin2), 2 * cos_theta * a * sin2
     return 0.5 * s * (1 + (t1 - t2) / (t1 + t2))
+
+
+def metals_of(scene) -> mi.Float:
+    """What the mirrors of a `benchharness.scene.Scene` are made of, 8 floats each: eta, 1 (0 for an ideal mirror), k, 0."""
+    rows = [[0.0] * 8 if r.eta is None else [*r.eta, 1.0, *r.k, 0.0] for r in scene.reflectors]
+    return mi.Float(np.array(rows, np.float32).ravel())
+
+
+def reflectance(metals: mi.Float, mirror: mi.UInt32, cos_theta: mi.Float, active) -> mi.Color3f:
+    """Of a mirror at incidence cos_theta >= 0; `metals` as `metals_of` has them."""
+    eta, k = (dr.gather(mi.Vector4f, metals, mirror * 2 + i, active) for i in (0, 1))
+    metal = fresnel_conductor(cos_theta, mi.Color3f(eta.xyz), mi.Color3f(k.xyz))
+    return dr.select(eta.w > 0, metal, 1)

@@ -1,0 +1,155 @@
+"""Pictures with mip levels, and rays that meet billboards: quads that show a picture where it is not transparent.
+
+Popescu, Mei, Dauble and Sacks 2006, 3. A ray looks for the nearest of a mirror's billboards whose picture covers at least
+half of the point that it meets; what lies behind a transparent point is seen through it.
+
+Every picture has a number, its slot. `Billboards.quads` holds 16 floats per slot:
+
+    middle of the quad, number of the mirror that it shows (-1 for an object)
+    its axis along columns divided by half its width, 0
+    its axis along rows divided by half its height, 0
+    its unit normal, 0
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+
+NONE = 0xFFFF_FFFF  # no billboard
+PARALLEL = 1e-6  # a ray whose direction has less than this along a quad's normal misses it
+OPAQUE = 0.5  # coverage from which a texel stops a ray
+COARSEST = 4  # texels across the last mip level
+
+
+@dataclass
+class Pictures:
+    """Premultiplied packets (see `kernels.impostor`), mip levels of a slot one after the other, finest first, then the next
+    slot. `size`: texels across the finest level, a power of two; `mip`: whether there are others."""
+
+    texels: mi.Float
+    size: int
+    mip: bool
+
+    @property
+    def levels(self) -> int:
+        return (self.size // COARSEST).bit_length() if self.mip else 1
+
+    @property
+    def texels_per_slot(self) -> int:
+        return sum((self.size >> level) ** 2 for level in range(self.levels))
+
+
+def with_levels(texels: mi.Float, size: int) -> mi.Float:
+    """A picture with all its mip levels: each texel of a level is the mean of four of the one before."""
+    levels = [texels]
+    while size > COARSEST:
+        size //= 2
+        lane = dr.arange(mi.UInt32, size * size)
+        first = 4 * size * (lane // size) + 2 * (lane % size)
+        total = sum(dr.gather(mi.Vector4f, levels[-1], first + k) for k in (0, 1, 2 * size, 2 * size + 1))
+        coarser = dr.empty(mi.Float, 4 * size * size)
+        dr.scatter(coarser, 0.25 * total, lane)
+        levels.append(coarser)
+    return dr.concat(levels)
+
+
+def sample(pictures: Pictures, slot: mi.UInt32, x: mi.Float, y: mi.Float, level: mi.Float, active) -> mi.Vector4f:
+    """The packet at (x, y) of a picture, [-1, 1] across: bilinear within a mip level, linear between two; border repeated.
+
+    level  0 is the finest; ignored for pictures without mip levels
+    """
+    first = slot * pictures.texels_per_slot
+    if not pictures.mip:
+        return _bilinear(pictures, first, mi.UInt32(pictures.size), x, y, active)
+    level = dr.clip(level, 0, pictures.levels - 1)
+    lower = mi.UInt32(level)
+    upper = dr.minimum(lower + 1, pictures.levels - 1)
+    one, two = (
+        _bilinear(pictures, first + _before(pictures.size, k), mi.UInt32(pictures.size) >> k, x, y, active)
+        for k in (lower, upper)
+    )
+    return dr.lerp(one, two, level - mi.Float(lower))
+
+
+def _before(size: int, level: mi.UInt32) -> mi.UInt32:
+    """How many texels the levels before `level` have: size² (1 + 1/4 + ...), exact for a power of two."""
+    return (4 * size * size - (4 * size * size >> (2 * level))) // 3
+
+
+def _bilinear(pictures: Pictures, first: mi.UInt32, size: mi.UInt32, x, y, active) -> mi.Vector4f:
+    width = mi.Float(size)
+    column = dr.clip((x + 1) * (0.5 * width) - 0.5, 0, width - 1)
+    row = dr.clip((y + 1) * (0.5 * width) - 0.5, 0, width - 1)
+    left, top = mi.UInt32(column), mi.UInt32(row)
+    right, below = dr.select(left + 1 < size, 1, mi.UInt32(0)), dr.select(top + 1 < size, size, 0)
+    base = first + top * size + left
+    corners = (base, base + right, base + below, base + below + right)
+    a, b, c, d = (dr.gather(mi.Vector4f, pictures.texels, i, active) for i in corners)
+    fx, fy = column - mi.Float(left), row - mi.Float(top)
+    return dr.lerp(dr.lerp(a, b, fx), dr.lerp(c, d, fx), fy)
+
+
+@dataclass
+class Billboards:
+    """All quads of a scene, and which of them each mirror shows.
+
+    lists    [mirrors, columns]: slots, NONE where a mirror has fewer; the first `objects` columns show objects
+    columns  the rest shows other mirrors
+    """
+
+    quads: mi.Float
+    lists: mi.UInt32
+    columns: int
+    objects: int
+
+
+@dataclass
+class Spread:
+    """How a pixel's ray moves from one pixel to the next, to the right and down: its start, and its unit direction."""
+
+    start: list[mi.Vector3f]
+    turn: list[mi.Vector3f]
+
+    def at(self, t: mi.Float) -> mi.Float:
+        """Metres between neighbouring rays after t metres, the larger of the two."""
+        return dr.maximum(*(dr.norm(start + t * turn) for start, turn in zip(self.start, self.turn, strict=True)))
+
+
+@dataclass
+class Hit:
+    """The nearest hit, t = inf for none: slot, and the packet there, divided by its coverage. `tests`: rays against quads."""
+
+    t: mi.Float
+    slot: mi.UInt32
+    value: mi.Vector4f
+    tests: mi.UInt32
+
+
+@dr.syntax
+def nearest(
+    boards: Billboards, pictures: Pictures, columns: int, mirror: mi.UInt32, o, d, least, spread: Spread, active
+) -> Hit:
+    """Tests the ray o + t d, t > least, against the billboards in the first `columns` columns of a mirror's list."""
+    t, slot, value, tests = mi.Float(dr.inf), mi.UInt32(NONE), mi.Vector4f(0), mi.UInt32(0)
+    column = mi.UInt32(0)
+    while dr.hint(active & (column < columns), label="billboards of a mirror"):
+        candidate = dr.gather(mi.UInt32, boards.lists, mirror * boards.columns + column)
+        listed = candidate != NONE
+        candidate = dr.select(listed, candidate, 0)
+        middle, a, b, k = (dr.gather(mi.Vector4f, boards.quads, candidate * 4 + i) for i in range(4))
+        along = dr.dot(d, k.xyz)
+        met = dr.dot(mi.Vector3f(middle.xyz) - mi.Vector3f(o), k.xyz) / dr.select(dr.abs(along) < PARALLEL, dr.nan, along)
+        offset = mi.Vector3f(o) + met * d - mi.Vector3f(middle.xyz)
+        x, y = dr.dot(offset, a.xyz), dr.dot(offset, b.xyz)
+        inside = listed & (met > least) & (met < t) & (dr.abs(x) <= 1) & (dr.abs(y) <= 1)
+        level = dr.log2(dr.maximum(spread.at(met) * (0.5 * pictures.size) * dr.norm(a.xyz), 1e-9))
+        found = sample(pictures, candidate, x, y, level, inside)
+        inside &= found.w > OPAQUE
+        t, slot = dr.select(inside, met, t), dr.select(inside, candidate, slot)
+        value = dr.select(inside, found * dr.rcp(dr.maximum(found.w, OPAQUE)), value)
+        tests += dr.select(listed, mi.UInt32(1), 0)
+        column += 1
+    return Hit(t, slot, value, tests)

@@ -1,0 +1,331 @@
+"""What methods share that meet reflected rays with pictures of the scene: which part is shown by what, and keeping it true.
+
+Roles. Each mirror sees each part of the scene as one of
+
+    plane         a flat part is a billboard in its own plane, one picture for all mirrors that is never taken again
+    impostor      anything else is shown by pictures taken for this mirror: by a billboard or by depth maps
+    surroundings  an object whose box encloses the mirror's (a room) goes to the environment map of this mirror
+
+Every picture has a slot. It is taken when its part or its mirror has moved since it was taken, never because the eye
+moved; which slots that is, is decided on the host, in double precision.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from benchharness.kernels import backdrop, billboard, bounces, cubemap, geometry, impostor, optics, surroundings
+
+NEAR = 1e-3  # metres; nearer to the centre of an environment map than this nothing is drawn
+
+
+@dataclass(frozen=True)
+class Slot:
+    """A picture: of which part; for which mirror, None for a plane's; which of its directions (see `directions`)."""
+
+    part: int
+    mirror: int | None
+    direction: int = 0
+
+    def owner(self, objects: int) -> int | None:
+        """The part that is its mirror; `objects` is the first mirror's."""
+        return None if self.mirror is None else objects + self.mirror
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Who is shown how. Decided once, on the host.
+
+    shapes      of all parts
+    objects     how many parts are objects; mirrors come after them
+    slots       all pictures
+    quads       per mirror, slots that it shows as billboards: objects, then other mirrors
+    maps        per mirror, slots that it shows as depth maps, likewise
+    enclosing   per mirror, the objects that surround it
+    ground      the object that goes on in the panorama, if the morph is wanted; shown by the environment map
+    """
+
+    shapes: list[impostor.Shape]
+    objects: int
+    slots: list[Slot]
+    quads: list[tuple[list[int], list[int]]]
+    maps: list[tuple[list[int], list[int]]]
+    enclosing: list[set[int]]
+    ground: int | None = None
+
+
+def plan(scene, maps: int, own_maps: int, mirrors: bool, ground: int | None) -> Plan:
+    """The roles of all parts of a `benchharness.scene.Scene` at its start.
+
+    maps      depth maps per part and mirror; 0 for billboards
+    own_maps  depth maps of each mirror for itself
+    mirrors   whether other mirrors are shown at all
+    ground    number of the object whose border is morphed, or None
+    """
+    parts, objects = scene.parts, len(scene.objects)
+    shapes = [impostor.shape_of(part.mesh.vertices, part.mesh.faces) for part in parts]
+    boxes = [_box(shape, part.pose(0.0)) for shape, part in zip(shapes, parts, strict=True)]
+    slots: list[Slot] = []
+    shared: dict[int, int] = {}
+    result = Plan(shapes, objects, slots, [], [], [], ground)
+    for mirror in range(len(scene.reflectors)):
+        own = objects + mirror
+        quads: tuple[list[int], list[int]] = ([], [])
+        depths: tuple[list[int], list[int]] = ([], [])
+        around: set[int] = set()
+        for number in range(len(parts)):
+            kind = int(number >= objects)
+            if number == ground or (kind == 1 and not mirrors and number != own):
+                continue
+            if number == own:
+                depths[1].extend(_added(slots, Slot(number, mirror, k)) for k in range(own_maps))
+            elif kind == 0 and _holds(boxes[number], boxes[own]):
+                around.add(number)
+            elif shapes[number].plane is not None:
+                if number not in shared:
+                    shared[number] = _added(slots, Slot(number, None))
+                quads[kind].append(shared[number])
+            elif maps == 0:
+                quads[kind].append(_added(slots, Slot(number, mirror)))
+            else:
+                depths[kind].extend(_added(slots, Slot(number, mirror, k)) for k in range(maps))
+        result.quads.append(quads)
+        result.maps.append(depths)
+        result.enclosing.append(around)
+    return result
+
+
+def _added(slots: list[Slot], slot: Slot) -> int:
+    slots.append(slot)
+    return len(slots) - 1
+
+
+def _box(shape: impostor.Shape, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest corner of a part in world space."""
+    points = shape.vertices @ pose[:3, :3].T + pose[:3, 3]
+    return points.min(axis=0), points.max(axis=0)
+
+
+def _holds(box: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]) -> bool:
+    return bool((box[0] < other[0]).all() and (other[1] < box[1]).all())
+
+
+@dataclass(frozen=True)
+class Options:
+    """How pictures are kept.
+
+    size        texels across a picture
+    mip         with mip levels
+    resolution  texels per edge of an environment map's face
+    turn        radians by which a mirror may move around a part, seen from it, before a depth map is taken again
+    walls       height of the walls around the ground, metres
+    """
+
+    size: int
+    mip: bool
+    resolution: int
+    turn: float
+    walls: float
+
+
+@dataclass
+class Stage:
+    """The scene on the device: `triangles` as `geometry.of_scene_seen` has them, `metals` as `optics.metals_of`, per part its
+    faces and how many; `centre`: where the panorama was taken."""
+
+    plan: Plan
+    triangles: geometry.Geometry
+    faces: list[tuple[mi.UInt32, int]]
+    infinity: surroundings.Surroundings
+    centre: np.ndarray
+    metals: mi.Float
+
+
+@dataclass
+class Taken:
+    """What was taken so far, per slot, None where nothing yet.
+
+    viewpoints  where the picture is to be seen from, in the space of the slot's part: this decides `stands`
+    stands      the camera, in the space of the part
+    texels      with mip levels if wanted
+    depths      depth maps, of slots that need one
+    poses       per mirror, of the parts that its environment map depends on
+    maps        environment maps, per mirror or, with walls, one; none where all surroundings are at infinity
+    renewed     which slots the last update has taken
+    """
+
+    viewpoints: list
+    stands: list
+    texels: list
+    depths: list
+    poses: list
+    maps: list
+    renewed: list[int]
+
+
+def ground_of(scene) -> int | None:
+    """The number of the object that goes on in the panorama of a scene; None if none does."""
+    if scene.environment is None or scene.environment.ground is None:
+        return None
+    return [o.name for o in scene.objects].index(scene.environment.ground)
+
+
+def stage(scene, planned: Plan) -> Stage:
+    """Uploads a scene. Waits for the device."""
+    triangles = geometry.of_scene_seen(scene)
+    faces = [impostor.faces_of(triangles, part) for part in range(len(scene.parts))]
+    centre = np.zeros(3) if scene.environment is None else np.asarray(scene.environment.centre, np.float64)
+    return Stage(planned, triangles, faces, surroundings.of_scene(scene), centre, optics.metals_of(scene))
+
+
+def nothing(planned: Plan) -> Taken:
+    """Before anything was taken."""
+    slots, mirrors = len(planned.slots), len(planned.enclosing)
+    return Taken(*([None] * slots for _ in range(4)), [None] * mirrors, [None] * mirrors, [])
+
+
+def retaken(on: Stage, before: Taken, poses: mi.Float, options: Options) -> Taken:
+    """The pictures with every part where `poses` (12 floats per part) puts it: those that no longer hold are taken again.
+    Waits for the device."""
+    planned = on.plan
+    host = np.array(poses).astype(np.float64).reshape(-1, 3, 4)
+    world = geometry.placed_seen(on.triangles, poses, planned.objects)
+    deep = {slot for objects, mirrors in planned.maps for slot in (*objects, *mirrors)}
+    now = replace(before, **{name: list(getattr(before, name)) for name in vars(before)})
+    now.renewed = []
+    for number, slot in enumerate(planned.slots):
+        shape, pose = planned.shapes[slot.part], host[slot.part]
+        viewpoint, last = _viewpoint(planned, slot, host), before.viewpoints[number]
+        if last is not None and _still(shape, slot, last, viewpoint, options.turn if number in deep else 0.0):
+            continue
+        stand = _stand(shape, slot, viewpoint, slot.part == slot.owner(planned.objects))
+        seen_from = mi.Point3f(*map(float, pose[:, :3] @ viewpoint + pose[:, 3]))
+        texels, depth = _take(on, world, slot, stand.moved(pose), seen_from, options.size)
+        now.viewpoints[number], now.stands[number] = viewpoint, stand
+        now.texels[number] = billboard.with_levels(texels, options.size) if options.mip else texels
+        now.depths[number] = depth if number in deep else None
+        now.renewed.append(number)
+    _renew_maps(on, now, world, host, options)
+    return now
+
+
+def _viewpoint(planned: Plan, slot: Slot, poses: np.ndarray) -> np.ndarray:
+    """Where a slot's picture is to be seen from, in the space of its part: its mirror; for a plane, amid all mirrors."""
+    shape, own = planned.shapes[slot.part], slot.owner(planned.objects)
+    if slot.part == own:
+        axis, sign = slot.direction // 2, 1 - 2 * (slot.direction % 2)
+        return shape.centroid + sign * shape.radius * np.eye(3)[axis]
+    mirrors = range(planned.objects, len(planned.shapes)) if slot.mirror is None else [own]
+    mirrors = [m for m in mirrors if m != slot.part] or [slot.part]
+    world = np.mean([poses[m, :, :3] @ planned.shapes[m].centroid + poses[m, :, 3] for m in mirrors], axis=0)
+    return poses[slot.part, :, :3].T @ (world - poses[slot.part, :, 3])
+
+
+def _still(shape: impostor.Shape, slot: Slot, last: np.ndarray, now: np.ndarray, turn: float) -> bool:
+    """Whether a picture for the viewpoint `last` holds for `now`."""
+    if slot.mirror is None or (last == now).all():
+        return True
+    one, other = last - shape.centroid, now - shape.centroid
+    return bool(np.arctan2(np.linalg.norm(np.cross(one, other)), np.dot(one, other)) < turn)
+
+
+def _stand(shape: impostor.Shape, slot: Slot, viewpoint: np.ndarray, own: bool) -> impostor.Stand:
+    if slot.mirror is None:
+        return impostor.on_plane(shape, viewpoint)
+    first = impostor.facing(shape, viewpoint - shape.centroid)
+    if own:
+        return first
+    axis, sign = (first.k, first.a, first.b)[slot.direction // 2], 1 - 2 * (slot.direction % 2)
+    return first if slot.direction == 0 else impostor.facing(shape, sign * axis)
+
+
+def _take(on: Stage, world: geometry.Geometry, slot: Slot, stand: impostor.Stand, viewer: mi.Point3f, size: int):
+    depths = mi.Vector2f(stand.near, stand.far)
+    dr.make_opaque(depths, viewer)
+    faces, count = on.faces[slot.part]
+    camera = impostor.window(stand, size)
+    return impostor.picture(world, faces, count, camera, viewer, depths, slot.part >= on.plan.objects)
+
+
+def _renew_maps(on: Stage, now: Taken, world: geometry.Geometry, poses: np.ndarray, options: Options) -> None:
+    """Takes environment maps where a part that is in them, or their mirror, has moved."""
+    planned = on.plan
+    shared = planned.ground is not None
+    if not shared and not any(planned.enclosing):
+        return
+    planes = {slot.part for slot in planned.slots if slot.mirror is None and slot.part < planned.objects}
+    for mirror in range(1 if shared else len(planned.enclosing)):
+        inside = {planned.ground}.union(*planned.enclosing) if shared else planned.enclosing[mirror] | planes
+        own = planned.objects + mirror
+        depends = poses[sorted(inside) if shared else [*sorted(inside), own]]
+        if now.poses[mirror] is not None and (now.poses[mirror] == depends).all():
+            continue
+        centre = on.centre if shared else poses[own, :, :3] @ planned.shapes[own].centroid + poses[own, :, 3]
+        place, near = mi.Point3f(*map(float, centre)), mi.Float(NEAR)
+        shown = mi.UInt32([int(part in inside) for part in range(len(planned.shapes))])
+        dr.make_opaque(place, near)
+        lane = dr.arange(mi.UInt32, world.face_count)
+        owner = geometry.part_of(dr.gather(mi.Vector4u, world.faces, lane))
+        wanted = dr.gather(mi.UInt32, shown, owner) == 1
+        now.maps[mirror] = cubemap.capture(world, wanted, place, options.resolution, near, on.infinity)
+        now.poses[mirror] = depends
+
+
+def cast(on: Stage, taken: Taken, poses: mi.Float, options: Options, before: bounces.Cast | None) -> bounces.Cast:
+    """All that rays can meet, with every part where `poses` puts it. Waits for the device.
+
+    before  of the last update: its texels are used again where no picture was taken
+    """
+    planned = on.plan
+    host = np.array(poses).astype(np.float64).reshape(-1, 3, 4)
+    quads = np.zeros((max(len(planned.slots), 1), 4, 4), np.float32)
+    for number, slot in enumerate(planned.slots):
+        stand = taken.stands[number].moved(host[slot.part])
+        quads[number, 0] = [*stand.centre, slot.part - planned.objects if slot.part >= planned.objects else -1]
+        quads[number, 1, :3], quads[number, 2, :3] = stand.a / stand.half[0], stand.b / stand.half[1]
+        quads[number, 3, :3] = stand.k
+    if before is None or taken.renewed:
+        texels = dr.concat(taken.texels) if taken.texels else dr.zeros(mi.Float, 4)
+    else:
+        texels = before.pictures.texels
+    lists, columns, objects = _lists(planned.quads)
+    return bounces.Cast(
+        billboard.Billboards(mi.Float(quads.ravel()), lists, columns, objects),
+        billboard.Pictures(texels, options.size, options.mip),
+        backdrop.Backdrop(on.infinity, _joined_maps(taken), options.resolution, _walls(on, host, options)),
+        on.metals,
+    )
+
+
+def _lists(shown: list[tuple[list[int], list[int]]]) -> tuple[mi.UInt32, int, int]:
+    """Slots per mirror as a table, how many columns it has, and how many of them are for objects."""
+    objects = max(len(own) for own, _ in shown)
+    columns = objects + max(len(mirrors) for _, mirrors in shown)
+    table = np.full((len(shown), max(columns, 1)), billboard.NONE, np.uint32)
+    for row, (own, mirrors) in zip(table, shown, strict=True):
+        row[: len(own)] = own
+        row[objects : objects + len(mirrors)] = mirrors
+    return mi.UInt32(table.ravel()), columns, objects
+
+
+def _joined_maps(taken: Taken) -> mi.Float | None:
+    maps = [own for own in taken.maps if own is not None]
+    return dr.concat(maps) if maps else None
+
+
+def _walls(on: Stage, poses: np.ndarray, options: Options) -> backdrop.Walls | None:
+    """The box over the ground, on the side of the mirrors."""
+    ground = on.plan.ground
+    if ground is None:
+        return None
+    viewpoint = _viewpoint(on.plan, Slot(ground, None), poses)
+    stand = impostor.on_plane(on.plan.shapes[ground], viewpoint).moved(poses[ground])
+    numbers = (stand.centre, stand.a / stand.half[0], stand.b / stand.half[1], stand.k / options.walls, on.centre)
+    middle, a, b, up, centre = ([float(x) for x in v] for v in numbers)
+    walls = backdrop.Walls(mi.Point3f(*middle), mi.Vector3f(*a), mi.Vector3f(*b), mi.Vector3f(*up), mi.Point3f(*centre))
+    dr.make_opaque(walls)
+    return walls

@@ -1,0 +1,81 @@
+"""Billboard impostors: reflected rays meet pictures of the scene's parts instead of the parts (Popescu et al. 2006, section 3).
+
+Every object gets, for every mirror, a quad through its centroid that faces the mirror, with a picture of the object taken
+from that side and transparent where the object is not. What is flat is its own quad, one for all mirrors. A reflected ray
+shows the nearest quad that it meets at an opaque texel, and the environment map where it meets none. Other mirrors are
+quads with a normal per texel, from which the ray goes on once.
+
+Assumes that an object is far from the mirror for its depth: within a quad there is no parallax, and an object that touches
+the mirror is cut off or stands off where the quad does. Independent of the mirror's geometry; rebuilt only for what moved.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar, Literal
+
+import drjit as dr
+import mitsuba as mi
+from pydantic import Field
+
+from benchharness.api import Frame, Method, Reflection
+from benchharness.kernels import bounces, imagewise, pixels
+from benchharness.scene import Scene
+
+
+@dataclass
+class State:
+    stage: imagewise.Stage
+    taken: imagewise.Taken
+    cast: bounces.Cast | None
+
+
+@dataclass(frozen=True)
+class BillboardImpostor(Method):
+    """
+    resolution   texels across a picture, a power of two
+    mip          trilinear lookup in a mip pyramid of the pictures; else bilinear in the finest level
+    environment  texels per edge of a face of the environment map, where one is taken
+    others       what other mirrors are: "reflective" billboards, "black" ones, or "omitted"
+    walls        height in metres of the walls in which the ground's picture passes into the environment; 0 for none. Only for
+                 a scene whose panorama goes on from one of its objects
+    attenuation  share of the light lost per metre of the reflected ray, as exp(-attenuation distance)
+    """
+
+    resolution: Annotated[int, Field(ge=8, le=4096)] = 256
+    mip: bool = True
+    environment: Annotated[int, Field(ge=4, le=4096)] = 256
+    others: Literal["reflective", "black", "omitted"] = "reflective"
+    walls: Annotated[float, Field(ge=0)] = 0.0
+    attenuation: Annotated[float, Field(ge=0)] = 0.0
+
+    paper: ClassVar[str] = "Popescu et al. 2006 (billboards)"
+
+    def __post_init__(self) -> None:
+        if self.resolution & (self.resolution - 1):
+            raise ValueError(f"billboard_impostor: resolution is {self.resolution}; accepted: a power of two, such as 256")
+
+    def prepare(self, scene: Scene) -> State:
+        planned = imagewise.plan(scene, 0, 0, self.others != "omitted", imagewise.ground_of(scene) if self.walls > 0 else None)
+        return State(imagewise.stage(scene, planned), imagewise.nothing(planned), None)
+
+    def update(self, state: State, frame: Frame) -> State:
+        options = imagewise.Options(self.resolution, self.mip, self.environment, 0.0, self.walls)
+        taken = imagewise.retaken(state.stage, state.taken, frame.poses, options)
+        return State(state.stage, taken, imagewise.cast(state.stage, taken, frame.poses, options, state.cast))
+
+    def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
+        if dr.width(frame.pixels) == 0:  # no mirror in view
+            empty = dr.zeros(mi.Float, dr.width(frame.active))
+            return Reflection(mi.Color3f(empty), empty, mi.Bool(frame.active)), state
+        around = [frame.p, frame.n, frame.reflector]
+        answer = bounces.reflected(state.cast, frame.view, around, frame.pixels, self.others == "reflective", self.mip)
+        L = answer.L * dr.exp(-self.attenuation * answer.distance) if self.attenuation > 0 else answer.L
+        x, y, z, distance, tests, again = pixels.spread([L.x, L.y, L.z, answer.distance, answer.tests, answer.second], frame)
+        counters = {
+            "quad_tests": tests,
+            "second_order": mi.UInt32(again),
+            "pictures_taken": mi.UInt32(len(state.taken.renewed)),
+        }
+        taken = replace(state.taken, renewed=[])
+        return Reflection(mi.Color3f(x, y, z), distance, mi.Bool(frame.active), counters=counters), replace(state, taken=taken)
