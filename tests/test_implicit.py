@@ -103,5 +103,5 @@ def test_colours_are_those_of_the_nearest_blob_and_mix_between():
 
 @pytest.mark.parametrize("cell", [0.0, -1.0, np.inf])
 def test_a_cell_that_is_no_length_is_refused(cell):
-    with pytest.raises(ValueError, match="polygonised: cell is .*; accepted: a positive length"):
+    with pytest.raises(ValueError, match=r"polygonised: cell is .*; accepted: a positive length"):
         polygonised(PAIR, cell)

@@ -155,8 +155,8 @@ def test_the_statue_and_the_pots_never_meet(frame):
     inverse = np.linalg.inv(part("statue").pose(built().time(frame)) @ pose(scale=SCALE))
     for name in MIRRORS:
         pot = world(name, frame)
-        # No point of a pot is in the figure or near, nor one of the statue near a pot's: edges of both, but for those around the
-        # pots' bottoms, are shorter than this.
+        # No point of a pot is in the figure or near, nor one of the statue near a pot's: edges of both are shorter than this,
+        # but for those around the pots' bottoms.
         local = pot.vertices @ inverse[:3, :3].T + inverse[:3, 3]
         assert field(angel.blobs(), local).min() * SCALE > 0.01
         assert cKDTree(pot.vertices).query(moved.vertices)[0].min() > 0.018
