@@ -7,8 +7,8 @@ the line with it.
 
 The mirror is not convex, nor star-shaped, and most points have several reflections in it.
 
-`lean` has 6,500 vertices for each bunny, twice what the shape needs to look smooth. Popescu et al. took the Stanford bunny
-and say nothing of its detail; `paper` has as many vertices as the full scan of that bunny, 35,947, within 1 %.
+`lean` has 6,300 vertices for each bunny. Popescu et al. took the Stanford bunny and say nothing of its detail; `paper` has as
+many as the full scan of that bunny, 35,947, within 1 %.
 """
 
 from __future__ import annotations
@@ -95,10 +95,10 @@ class Orbit:
     From and to are azimuth and elevation (degrees) and distance (metres) of the eye from `target`.
     """
 
-    target: tuple[float, float, float] = (0.005, 0.0, 0.162)
+    target: tuple[float, float, float] = (0.005, 0.0, 0.152)
     azimuth_deg: tuple[float, float] = (-128.0, -84.0)
     elevation_deg: tuple[float, float] = (5.5, 8.5)
-    distance: tuple[float, float] = (1.00, 0.86)
+    distance: tuple[float, float] = (1.00, 0.90)
     duration: float = HALF
 
     def __call__(self, time: float) -> Camera:
