@@ -21,8 +21,15 @@ RAY_EPSILON = 1e-4  # start of a ray above the surface, relative to the size of 
 
 @dataclass
 class Cast:
-    """All that rays can meet. `metals`: as `optics.metals_of` has them."""
+    """All that rays can meet.
 
+    planes    billboards of flat parts, and their pictures
+    boards    billboards of other parts, which share the table of quads; pictures of those, and of the depth maps
+    metals    as `optics.metals_of` has them
+    """
+
+    planes: billboard.Billboards
+    plane_pictures: billboard.Pictures
     boards: billboard.Billboards
     pictures: billboard.Pictures
     reliefs: relief.Reliefs | None
@@ -94,15 +101,19 @@ def reflected(cast: Cast, view, frame: list, pixel: mi.UInt32, manner: Manner) -
 
 def _nearest(cast: Cast, manner: Manner, objects: bool, mirror, o, d, apart, active) -> tuple[billboard.Hit, mi.UInt32]:
     """The nearest impostor along a ray from a mirror, of objects only or of all; and the work of looking in depth maps."""
-    columns = cast.boards.objects if objects else cast.boards.columns
-    met = billboard.nearest(cast.boards, cast.pictures, columns, mirror, o, d, mi.Float(0), apart, active)
+    met = billboard.none()
+    for boards, pictures in ((cast.planes, cast.plane_pictures), (cast.boards, cast.pictures)):
+        columns = boards.objects if objects else boards.columns
+        if columns > 0:
+            met = billboard.nearest(boards, pictures, columns, mirror, o, d, mi.Float(0), apart, active, met)
     reliefs = cast.reliefs
     if reliefs is None:
         return met, mi.UInt32(0)
     columns = reliefs.objects if objects else reliefs.columns
     deep = relief.nearest(reliefs, columns, mirror, o, d, met.t, manner.jump, manner.anchor, active)
     closer = active & (deep.t < dr.inf)
-    level = billboard.level_of(cast.boards, cast.pictures, deep.slot, apart.at(dr.select(closer, deep.t, 0)), closer)
+    a = dr.gather(mi.Vector4f, cast.boards.quads, deep.slot * 4 + 1, closer)
+    level = billboard.level_of(cast.pictures, a, apart.at(dr.select(closer, deep.t, 0)))
     value = billboard.sample(cast.pictures, deep.slot, deep.x, deep.y, level, closer)
     value *= dr.rcp(dr.maximum(value.w, LEAST_COVERAGE))
     hit = billboard.Hit(
