@@ -38,8 +38,8 @@ METALS: dict[str, Metal] = {
     "copper": ((0.201, 0.924, 1.102), (3.913, 2.453, 2.142)),
     "ideal": (None, None),
 }
-"""Complex index of refraction, eta and k, for red, green and blue (Johnson and Christy 1972 for gold and copper, Palik 1985
-for silver, as used in Mitsuba's `Au`, `Cu`, `Ag`); "ideal" reflects everything."""
+"""Complex index of refraction, eta and k, for red, green and blue (as used in Mitsuba's `Ag`, `Au`, `Cu`); "ideal" reflects
+everything."""
 
 
 def floor() -> Object:
