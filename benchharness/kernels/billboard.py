@@ -160,11 +160,11 @@ def nearest(
         offset = mi.Vector3f(o) + distance * d - mi.Vector3f(middle.xyz)
         x, y = dr.dot(offset, a.xyz), dr.dot(offset, b.xyz)
         inside = listed & (distance > least) & (distance < t) & (dr.abs(x) <= 1) & (dr.abs(y) <= 1)
-        level = level_of(pictures, a, spread.at(distance))
-        found = sample(pictures, candidate, x, y, level, inside)
-        inside &= found.w > OPAQUE
-        t, slot = dr.select(inside, distance, t), dr.select(inside, candidate, slot)
-        value = dr.select(inside, found * dr.rcp(dr.maximum(found.w, OPAQUE)), value)
+        if inside:  # most rays miss most quads
+            found = sample(pictures, candidate, x, y, level_of(pictures, a, spread.at(distance)), mi.Bool(True))
+            opaque = found.w > OPAQUE
+            t, slot = dr.select(opaque, distance, t), dr.select(opaque, candidate, slot)
+            value = dr.select(opaque, found * dr.rcp(dr.maximum(found.w, OPAQUE)), value)
         tests += dr.select(listed, mi.UInt32(1), 0)
         column += 1
     return Hit(t, slot, value, tests)
