@@ -11,7 +11,7 @@ import mitsuba as mi
 import numpy as np
 
 from benchharness.api import Frame, Surface, View
-from benchharness.kernels import geometry, lighting, optics, raster, surroundings
+from benchharness.kernels import geometry, optics, raster, surroundings
 from benchharness.kernels.frozen import frozen
 from benchharness.scene import Camera, Mesh, Reflector, Scene
 
@@ -59,9 +59,7 @@ class FrameRenderer:
             if part.mesh.radiance is None:
                 raise ValueError(f"scene {scene.name}: object {part.name} has no baked radiance; bake the scene first")
         self.scene, self.width, self.height = scene, width, height
-        lit = [(o.mesh.vertices, np.asarray(o.mesh.radiance), o.mesh.faces) for o in scene.objects]
-        mirrors = [(r.mesh.vertices, np.asarray(r.mesh.normals), r.mesh.faces) for r in scene.reflectors]
-        self.geometry = geometry.upload(lit + mirrors, lighting.shine_of(scene))
+        self.geometry = geometry.of_scene_seen(scene)
         self.surfaces = [surface_of(r.mesh) for r in scene.reflectors]
         self.proxies = [self.surfaces[i] if r.closed is None else surface_of(r.closed) for i, r in enumerate(scene.reflectors)]
         self.surroundings = surroundings.of_scene(scene)
@@ -110,22 +108,10 @@ class FrameRenderer:
         """The poses on the device, and the triangles there, with the mirrors' normals in world space too."""
         if self._posed is None or (poses != self._posed[0]).any():
             rows = opaque(mi.Float, poses.astype(np.float32).ravel())
-            world = geometry.placed(self.geometry, rows)
-            world.attributes = _turned_mirrors(self.geometry, rows, len(self.scene.objects))
+            world = geometry.placed_seen(self.geometry, rows, len(self.scene.objects))
             dr.eval(world)
             self._posed = poses, rows, world
         return self._posed[1:]
-
-
-def _turned_mirrors(g: geometry.Geometry, poses: mi.Float, objects: int) -> mi.Float:
-    """Attributes with the reflectors' normals in world space and the objects' radiance as it is."""
-    lane = dr.arange(mi.UInt32, g.vertex_count)
-    part = dr.gather(mi.Float, g.points, lane * 4 + 3)
-    turned = dr.gather(mi.Vector4f, geometry.turned(g.points, g.attributes, g.vertex_count, poses), lane)
-    kept = dr.gather(mi.Vector4f, g.attributes, lane)
-    out = dr.empty(mi.Float, 4 * g.vertex_count)
-    dr.scatter(out, dr.select(part >= objects, turned, kept), lane)
-    return out
 
 
 @frozen

@@ -14,12 +14,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal
 
-import drjit as dr
 import mitsuba as mi
 from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection
-from benchharness.kernels import bounces, imagewise, pixels
+from benchharness.kernels import bounces, imagewise
 from benchharness.scene import Scene
 
 
@@ -65,17 +64,7 @@ class BillboardImpostor(Method):
         return State(state.stage, taken, imagewise.cast(state.stage, taken, frame.poses, options, state.cast))
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
-        if dr.width(frame.pixels) == 0:  # no mirror in view
-            empty = dr.zeros(mi.Float, dr.width(frame.active))
-            return Reflection(mi.Color3f(empty), empty, mi.Bool(frame.active)), state
-        around = [frame.p, frame.n, frame.reflector]
-        answer = bounces.reflected(state.cast, frame.view, around, frame.pixels, self.others == "reflective", self.mip)
-        L = answer.L * dr.exp(-self.attenuation * answer.distance) if self.attenuation > 0 else answer.L
-        x, y, z, distance, tests, again = pixels.spread([L.x, L.y, L.z, answer.distance, answer.tests, answer.second], frame)
-        counters = {
-            "quad_tests": tests,
-            "second_order": mi.UInt32(again),
-            "pictures_taken": mi.UInt32(len(state.taken.renewed)),
-        }
-        taken = replace(state.taken, renewed=[])
-        return Reflection(mi.Color3f(x, y, z), distance, mi.Bool(frame.active), counters=counters), replace(state, taken=taken)
+        manner = bounces.Manner(self.others == "reflective", self.mip)
+        shown = imagewise.shown(state.cast, state.taken, frame, manner, self.attenuation)
+        state = replace(state, taken=replace(state.taken, renewed=[]))
+        return Reflection(shown.L, shown.distance, mi.Bool(frame.active), counters=shown.counters), state

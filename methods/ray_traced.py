@@ -20,7 +20,7 @@ import numpy as np
 from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection
-from benchharness.kernels import geometry, optics, raster, surroundings
+from benchharness.kernels import geometry, optics, pixels, raster, surroundings
 from benchharness.scene import Scene
 
 RAY_EPSILON = 1e-4  # start of the ray above the surface, relative to the size of its coordinates
@@ -30,16 +30,15 @@ RAY_EPSILON = 1e-4  # start of the ray above the surface, relative to the size o
 class Mirrors:
     """What a ray needs to go on from a mirror.
 
-    normals  4 floats per vertex, object space; zero for objects
+    normals  4 floats per vertex, object space; of no meaning for objects
     turned   the same in world space
-    eta, k   4 floats per part: complex index of refraction; the last of eta is 1 for a conductor, 0 for an ideal mirror
+    metals   as `optics.metals_of` has them
     objects  parts from this number on are mirrors
     """
 
     normals: mi.Float
     turned: mi.Float
-    eta: mi.Float
-    k: mi.Float
+    metals: mi.Float
     objects: mi.UInt32
 
 
@@ -88,20 +87,22 @@ class RayTraced(Method):
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         lane = frame.pixels
+        rays = mi.UInt32(frame.active)
         if dr.width(lane) == 0:  # no mirror in view
-            return _spread(mi.Color3f(0), mi.Float(0), mi.UInt32(frame.active), lane, frame), state
+            empty = dr.zeros(mi.Float, dr.width(frame.active))
+            return Reflection(mi.Color3f(empty), empty, mi.Bool(frame.active), counters={"rays": rays}), state
         p, n, v = (dr.gather(type(a), a, lane) for a in (frame.p, frame.n, frame.v))
         r = optics.reflect(v, n)
         ray = _from(p, n, r)
         hit = state.scene.ray_intersect_preliminary(ray, coherent=True)
         L, face, weights = _arriving(state, hit, p, r, True)
         distance = dr.select(hit.is_valid(), hit.t + RAY_EPSILON, dr.inf)
-        rays = mi.UInt32(frame.active)
         if state.mirrors is not None:
             further, count = self._further(state, state.mirrors, ray, hit, face, weights)
             L += further
             dr.scatter_add(rays, count, lane)
-        return _spread(L, distance, rays, lane, frame), state
+        x, y, z, length = pixels.spread([L.x, L.y, L.z, distance], frame)
+        return Reflection(mi.Color3f(x, y, z), length, mi.Bool(frame.active), counters={"rays": rays}), state
 
     def _further(self, state: State, mirrors: Mirrors, ray, hit, face, weights) -> tuple[mi.Color3f, mi.UInt32]:
         """What a first reflected ray shows over further mirrors, and how many rays that took."""
@@ -113,9 +114,7 @@ class RayTraced(Method):
             p, v = ray(hit.t), -ray.d
             n = dr.normalize(raster.interpolate(mirrors.turned, face, weights, active).xyz)
             n = dr.select(dr.dot(n, v) < 0, -n, n)
-            eta, k = (dr.gather(mi.Vector4f, a, part, active) for a in (mirrors.eta, mirrors.k))
-            dimmed = optics.fresnel_conductor(dr.clip(dr.dot(n, v), 0, 1), mi.Color3f(eta.xyz), mi.Color3f(k.xyz))
-            through *= dr.select(eta.w > 0, dimmed, 1)
+            through *= optics.reflectance(mirrors.metals, part - mirrors.objects, dr.clip(dr.dot(n, v), 0, 1), active)
             ray = _from(p, n, optics.reflect(v, n))
             hit = state.scene.ray_intersect_preliminary(ray, active=active)
             arriving, face, weights = _arriving(state, hit, p, ray.d, active)
@@ -141,16 +140,8 @@ def _arriving(state: State, hit, p: mi.Point3f, d: mi.Vector3f, active) -> tuple
 
 
 def _mirrors(scene: Scene) -> Mirrors:
-    normals = [np.zeros_like(o.mesh.vertices) for o in scene.objects] + [np.asarray(r.mesh.normals) for r in scene.reflectors]
-    eta, k = ([[1.0, 1.0, 1.0, 0.0]] * len(scene.objects) for _ in range(2))
-    for r in scene.reflectors:
-        metal, absorbing = (r.eta, r.k) if r.eta is not None and r.k is not None else (None, None)
-        eta.append([1.0, 1.0, 1.0, 0.0] if metal is None else [*metal, 1.0])
-        k.append([0.0] * 4 if absorbing is None else [*absorbing, 0.0])
-    stacked = np.concatenate(normals)
-    packed = np.column_stack([stacked, np.zeros(len(stacked))])
-    arrays = [mi.Float(np.asarray(a, np.float32).ravel()) for a in (packed, eta, k)]
-    return Mirrors(arrays[0], arrays[0], arrays[1], arrays[2], dr.opaque(mi.UInt32, len(scene.objects)))
+    normals = geometry.of_scene_seen(scene).attributes
+    return Mirrors(normals, normals, optics.metals_of(scene), dr.opaque(mi.UInt32, len(scene.objects)))
 
 
 def _turned(mirrors: Mirrors, triangles: geometry.Geometry, poses: mi.Float) -> Mirrors:
@@ -162,13 +153,3 @@ def _triples(packed, count: int):
     """3 values per element, as Mitsuba wants them, of 4 per element."""
     lane = dr.arange(mi.UInt32, 3 * count)
     return dr.gather(type(packed), packed, lane // 3 * 4 + lane % 3)
-
-
-def _spread(L: mi.Color3f, distance: mi.Float, rays: mi.UInt32, lane: mi.UInt32, frame: Frame) -> Reflection:
-    """One lane per pixel out of one per reflector pixel; `rays` has one per pixel already."""
-    count = frame.view.width * frame.view.height
-    full = [dr.zeros(mi.Float, count) for _ in range(4)]
-    for target, value in zip(full, (L.x, L.y, L.z, distance), strict=True):
-        if dr.width(lane) > 0:
-            dr.scatter(target, value, lane)
-    return Reflection(mi.Color3f(*full[:3]), full[3], mi.Bool(frame.active), counters={"rays": rays})

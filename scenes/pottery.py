@@ -193,4 +193,7 @@ def _swept(stations: np.ndarray, around: int) -> Mesh:
         k = np.arange(around)
         fan = np.stack([np.full(around, around), k, (k + 1) % around], axis=1)[:, ::order]
         ends.append(Mesh(np.concatenate([ring, ring.mean(axis=0)[None]]), fan))
-    return merged(Mesh(v, f, n), *ends)
+    tube = merged(Mesh(v, f, n), *ends)
+    corners = tube.vertices[tube.faces]
+    volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
+    return tube if volume > 0 else Mesh(tube.vertices, tube.faces[:, ::-1], -tube.normals)

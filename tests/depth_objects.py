@@ -7,7 +7,7 @@ import mitsuba as mi
 import numpy as np
 from depth_oracle import BACKGROUND, camera, spheres
 
-from benchharness.kernels import depthmap, depthray
+from benchharness.kernels import depthmap, depthray, depthrows
 
 FIGURE = [  # body, head, two ears, two feet: parts in front of others, and gaps between
     (0.0, 0.25, 3.0, 0.55), (-0.1, -0.35, 2.85, 0.3), (-0.3, -0.72, 2.95, 0.14), (0.12, -0.72, 2.9, 0.12),
@@ -37,7 +37,7 @@ def comb(w=128, teeth=20):
     return depth
 
 
-def mirror_ball_rays(count, centre=(0.9, -0.2, 0.6), radius=0.75, eye=(-0.8, -0.4, 5.0), seed=5):
+def mirror_ball_rays(count, centre=(0.65, -0.15, 0.6), radius=0.75, eye=(-0.8, -0.4, 5.0), seed=5):
     """What a mirror ball reflects of the neighbourhood of (0, 0, 3): origins and directions [count, 3]."""
     rng = np.random.default_rng(seed)
     centre, eye = np.array(centre), np.array(eye)
@@ -65,7 +65,7 @@ def built(depth, n, m, split_jump=None):
     """Rows [count, n, w, m, 2] and dropped spans [count, n, w] of maps [count, w, w] (or one [w, w])."""
     depth = depth[None] if depth.ndim == 2 else depth
     layout = depthmap.Layout(len(depth), depth.shape[-1], n, m)
-    rows, dropped = depthmap.build(device(depth), layout, split_jump)
+    rows, dropped = depthrows.build(device(depth), layout, split_jump)
     dr.eval(rows, dropped)
     return layout, rows, dropped
 

@@ -6,6 +6,7 @@ The conventions are those written down in `benchharness.kernels.depthmap`; nothi
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -111,9 +112,7 @@ def simplified(values, m, split_jump=None):
     lines = [[s] if s == e else [s, e] for s, e in runs]
     margin = np.inf
     while sum(map(len, lines)) < m:
-        found = [
-            (*worst_of(values, s, e), line, k) for line in lines for k, (s, e) in enumerate(zip(line, line[1:], strict=False))
-        ]
+        found = [(*worst_of(values, s, e), line, k) for line in lines for k, (s, e) in enumerate(pairwise(line))]
         found.sort(key=lambda one: -one[0])
         if not found or found[0][0] <= 1e-6:
             break

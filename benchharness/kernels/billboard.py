@@ -128,6 +128,12 @@ class Hit:
     tests: mi.UInt32
 
 
+def level_of(boards: Billboards, pictures: Pictures, slot: mi.UInt32, apart: mi.Float, active) -> mi.Float:
+    """The mip level of a slot at which texels are as wide as `apart`, metres."""
+    a = dr.gather(mi.Vector4f, boards.quads, slot * 4 + 1, active)
+    return dr.log2(dr.maximum(apart * (0.5 * pictures.size) * dr.norm(a.xyz), 1e-9))
+
+
 @dr.syntax
 def nearest(
     boards: Billboards, pictures: Pictures, columns: int, mirror: mi.UInt32, o, d, least, spread: Spread, active
@@ -145,7 +151,7 @@ def nearest(
         offset = mi.Vector3f(o) + met * d - mi.Vector3f(middle.xyz)
         x, y = dr.dot(offset, a.xyz), dr.dot(offset, b.xyz)
         inside = listed & (met > least) & (met < t) & (dr.abs(x) <= 1) & (dr.abs(y) <= 1)
-        level = dr.log2(dr.maximum(spread.at(met) * (0.5 * pictures.size) * dr.norm(a.xyz), 1e-9))
+        level = level_of(boards, pictures, candidate, spread.at(met), inside)
         found = sample(pictures, candidate, x, y, level, inside)
         inside &= found.w > OPAQUE
         t, slot = dr.select(inside, met, t), dr.select(inside, candidate, slot)

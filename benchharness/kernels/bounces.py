@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import backdrop, billboard, optics
+from benchharness.kernels import backdrop, billboard, optics, relief
 from benchharness.kernels.frozen import frozen
 
+LEAST_COVERAGE = 0.05  # a texel at an object's border is brightened by no more than its inverse
 RAY_EPSILON = 1e-4  # start of a ray above the surface, relative to the size of its coordinates
 
 
@@ -24,8 +25,24 @@ class Cast:
 
     boards: billboard.Billboards
     pictures: billboard.Pictures
+    reliefs: relief.Reliefs | None
     backdrop: backdrop.Backdrop
     metals: mi.Float
+
+
+@dataclass
+class Manner:
+    """How rays look.
+
+    second  mirrors reflect in mirrors; else they are black
+    spread  follow how rays part, for the mip levels
+    jump, anchor  see `relief.nearest`
+    """
+
+    second: bool
+    spread: bool
+    jump: float = 0.0
+    anchor: str = "mid"
 
 
 @dataclass
@@ -35,50 +52,67 @@ class Answer:
     distance  to what it shows
     second    the ray was reflected again
     tests     rays against quads
+    work      segments of simplified rows, or texels of depth maps, looked at
     """
 
     L: mi.Color3f
     distance: mi.Float
     second: mi.Bool
     tests: mi.UInt32
+    work: mi.UInt32
 
 
 @frozen
-def reflected(cast: Cast, view, frame: list, pixel: mi.UInt32, second: bool, spread: bool) -> Answer:
+def reflected(cast: Cast, view, frame: list, pixel: mi.UInt32, manner: Manner) -> Answer:
     """
     frame   p, n, reflector of all pixels of the picture
     pixel   where to look, per lane
-    second  mirrors reflect in mirrors; else they are black
-    spread  follow how rays part, for the mip levels
     """
     p, n, mirror = (dr.gather(type(a), a, pixel) for a in frame)
-    eye = view.eye
-    d = optics.reflect(dr.normalize(eye - p), n)
+    d = optics.reflect(dr.normalize(view.eye - p), n)
     o = _above(p, mi.Vector3f(n))
     number = mi.UInt32(dr.maximum(mirror, 0))
-    apart = _spread(frame, view, pixel, p, n, d, mirror) if spread else _no_spread()
-    met = billboard.nearest(cast.boards, cast.pictures, cast.boards.columns, number, o, d, mi.Float(0), apart, mi.Bool(True))
-    tests = met.tests
+    apart = _spread(frame, view, pixel, p, n, d, mirror) if manner.spread else _no_spread()
+    met, work = _nearest(cast, manner, False, number, o, d, apart, mi.Bool(True))
 
     direction, ground = backdrop.behind(cast.backdrop, o, d)
-    open_ = ~(met.t < ground) | (met.t == dr.inf)
-    L, distance = backdrop.look_up(cast.backdrop, number, direction, open_)
-    hit = ~open_
-    L = dr.select(hit, mi.Color3f(met.value.xyz), L)
-    distance = dr.select(hit, met.t, dr.select(dr.isfinite(ground), ground, distance))
+    far = ~(met.t < ground) | (met.t == dr.inf)
+    L, distance = backdrop.look_up(cast.backdrop, number, direction, far)
+    L = dr.select(far, L, mi.Color3f(met.value.xyz))
+    distance = dr.select(far, dr.select(dr.isfinite(ground), ground, distance), met.t)
 
-    other = dr.gather(mi.Float, cast.boards.quads, met.slot * 16 + 3, hit)
-    again = hit & (other >= 0)
-    if second:
-        L2, more = _again(cast, met, o, d, mi.UInt32(dr.maximum(other, 0)), apart, again)
-        L, tests = dr.select(again, L2, L), tests + more
+    other = dr.gather(mi.Float, cast.boards.quads, met.slot * 16 + 3, ~far)
+    again = ~far & (other >= 0)
+    tests = met.tests
+    if manner.second:
+        L2, more, further = _again(cast, manner, met, o, d, mi.UInt32(dr.maximum(other, 0)), apart, again)
+        L, tests, work = dr.select(again, L2, L), tests + more, work + further
     else:
         L = dr.select(again, 0, L)
-    return Answer(L, distance, again, tests)
+    return Answer(L, distance, again, tests, work)
 
 
-def _again(cast: Cast, met, o, d, mirror: mi.UInt32, apart: billboard.Spread, active) -> tuple[mi.Color3f, mi.UInt32]:
-    """What a mirror in a picture sends back along a ray that met it, and how many quads were tested."""
+def _nearest(cast: Cast, manner: Manner, objects: bool, mirror, o, d, apart, active) -> tuple[billboard.Hit, mi.UInt32]:
+    """The nearest impostor along a ray from a mirror, of objects only or of all; and the work of looking in depth maps."""
+    columns = cast.boards.objects if objects else cast.boards.columns
+    met = billboard.nearest(cast.boards, cast.pictures, columns, mirror, o, d, mi.Float(0), apart, active)
+    reliefs = cast.reliefs
+    if reliefs is None:
+        return met, mi.UInt32(0)
+    columns = reliefs.objects if objects else reliefs.columns
+    deep = relief.nearest(reliefs, columns, mirror, o, d, met.t, manner.jump, manner.anchor, active)
+    closer = active & (deep.t < dr.inf)
+    level = billboard.level_of(cast.boards, cast.pictures, deep.slot, apart.at(dr.select(closer, deep.t, 0)), closer)
+    value = billboard.sample(cast.pictures, deep.slot, deep.x, deep.y, level, closer)
+    value *= dr.rcp(dr.maximum(value.w, LEAST_COVERAGE))
+    hit = billboard.Hit(
+        dr.select(closer, deep.t, met.t), dr.select(closer, deep.slot, met.slot), dr.select(closer, value, met.value), met.tests
+    )
+    return hit, deep.work
+
+
+def _again(cast: Cast, manner: Manner, met: billboard.Hit, o, d, mirror: mi.UInt32, apart, active):
+    """What a mirror in a picture sends back along a ray that met it; quads tested, and work in depth maps."""
     a, b, k = (dr.normalize(dr.gather(mi.Vector4f, cast.boards.quads, met.slot * 4 + i, active).xyz) for i in (1, 2, 3))
     n = met.value.x * a + met.value.y * b + met.value.z * k
     n = dr.normalize(dr.select(active & (dr.squared_norm(n) > 1e-12), n, k))
@@ -86,12 +120,13 @@ def _again(cast: Cast, met, o, d, mirror: mi.UInt32, apart: billboard.Spread, ac
     p = o + dr.select(active, met.t, 0) * d
     out = optics.reflect(-d, mi.Normal3f(n))
     start = _above(p, n)
-    found = billboard.nearest(cast.boards, cast.pictures, cast.boards.objects, mirror, start, out, mi.Float(0), apart, active)
+    found, work = _nearest(cast, manner, True, mirror, start, out, apart, active)
     direction, ground = backdrop.behind(cast.backdrop, start, out)
-    open_ = active & (~(found.t < ground) | (found.t == dr.inf))
-    far, _ = backdrop.look_up(cast.backdrop, mirror, direction, open_)
-    L = dr.select(open_, far, mi.Color3f(found.value.xyz))
-    return L * optics.reflectance(cast.metals, mirror, dr.clip(-dr.dot(n, d), 0, 1), active), found.tests
+    far = active & (~(found.t < ground) | (found.t == dr.inf))
+    L, _ = backdrop.look_up(cast.backdrop, mirror, direction, far)
+    L = dr.select(far, L, mi.Color3f(found.value.xyz))
+    dimmed = optics.reflectance(cast.metals, mirror, dr.clip(-dr.dot(n, d), 0, 1), active)
+    return L * dimmed, found.tests, work
 
 
 def _above(p: mi.Point3f, n: mi.Vector3f) -> mi.Point3f:

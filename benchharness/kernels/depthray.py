@@ -106,6 +106,7 @@ def project(cameras: mi.Float, w: int, map: mi.UInt32, o: mi.Point3f, d: mi.Vect
 
 def row_of(segment: Segment, layout: Layout, anchor: str):
     """The row nearest to a segment's image. Returns its index in the buffer, whether there is one, and u of a and of b."""
+    assert anchor in ("mid", "start"), anchor
     along = segment.b - segment.a
     is_point = along.x * along.x + along.y * along.y < POINT * POINT
     psi = dr.select(is_point, 0, dr.atan2(along.y, dr.select(is_point, 1, along.x)))

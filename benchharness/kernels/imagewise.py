@@ -18,8 +18,22 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from benchharness.kernels import backdrop, billboard, bounces, cubemap, geometry, impostor, optics, surroundings
+from benchharness.kernels import (
+    backdrop,
+    billboard,
+    bounces,
+    cubemap,
+    depthmap,
+    depthrows,
+    geometry,
+    impostor,
+    optics,
+    pixels,
+    relief,
+    surroundings,
+)
 
+OWN_START = 0.03  # of a mirror's radius: so far a ray runs before it may meet the mirror's own depth map
 NEAR = 1e-3  # metres; nearer to the centre of an environment map than this nothing is drawn
 
 
@@ -123,6 +137,9 @@ class Options:
     resolution  texels per edge of an environment map's face
     turn        radians by which a mirror may move around a part, seen from it, before a depth map is taken again
     walls       height of the walls around the ground, metres
+    rotations   of a depth map's rows
+    points      of a simplified row; 0 for none, where rays march over the texels
+    jump        depth steps larger than this, of the whole range 1, are no surface; 0 for none
     """
 
     size: int
@@ -130,6 +147,9 @@ class Options:
     resolution: int
     turn: float
     walls: float
+    rotations: int = 0
+    points: int = 0
+    jump: float = 0.0
 
 
 @dataclass
@@ -153,6 +173,8 @@ class Taken:
     stands      the camera, in the space of the part
     texels      with mip levels if wanted
     depths      depth maps, of slots that need one
+    rows        simplified, of those
+    dropped     spans that had no room in their rows, of those
     poses       per mirror, of the parts that its environment map depends on
     maps        environment maps, per mirror or, with walls, one; none where all surroundings are at infinity
     renewed     which slots the last update has taken
@@ -162,6 +184,8 @@ class Taken:
     stands: list
     texels: list
     depths: list
+    rows: list
+    dropped: list
     poses: list
     maps: list
     renewed: list[int]
@@ -185,7 +209,7 @@ def stage(scene, planned: Plan) -> Stage:
 def nothing(planned: Plan) -> Taken:
     """Before anything was taken."""
     slots, mirrors = len(planned.slots), len(planned.enclosing)
-    return Taken(*([None] * slots for _ in range(4)), [None] * mirrors, [None] * mirrors, [])
+    return Taken(*([None] * slots for _ in range(6)), [None] * mirrors, [None] * mirrors, [])
 
 
 def retaken(on: Stage, before: Taken, poses: mi.Float, options: Options) -> Taken:
@@ -207,7 +231,9 @@ def retaken(on: Stage, before: Taken, poses: mi.Float, options: Options) -> Take
         texels, depth = _take(on, world, slot, stand.moved(pose), seen_from, options.size)
         now.viewpoints[number], now.stands[number] = viewpoint, stand
         now.texels[number] = billboard.with_levels(texels, options.size) if options.mip else texels
-        now.depths[number] = depth if number in deep else None
+        if number in deep:
+            now.depths[number] = depth
+            now.rows[number], now.dropped[number] = _simplified(depth, options) if options.points else (None, None)
         now.renewed.append(number)
     _renew_maps(on, now, world, host, options)
     return now
@@ -249,6 +275,15 @@ def _take(on: Stage, world: geometry.Geometry, slot: Slot, stand: impostor.Stand
     faces, count = on.faces[slot.part]
     camera = impostor.window(stand, size)
     return impostor.picture(world, faces, count, camera, viewer, depths, slot.part >= on.plan.objects)
+
+
+def _simplified(depth: mi.Float, options: Options) -> tuple[mi.Float, mi.UInt32]:
+    """The rows of one depth map, and how many spans of them were dropped."""
+    layout = depthmap.Layout(1, options.size, options.rotations, options.points)
+    rows, dropped = depthrows.build(depth, layout, options.jump)
+    dropped = dr.sum(dropped)
+    dr.eval(rows, dropped)
+    return rows, dropped
 
 
 def _renew_maps(on: Stage, now: Taken, world: geometry.Geometry, poses: np.ndarray, options: Options) -> None:
@@ -296,9 +331,35 @@ def cast(on: Stage, taken: Taken, poses: mi.Float, options: Options, before: bou
     return bounces.Cast(
         billboard.Billboards(mi.Float(quads.ravel()), lists, columns, objects),
         billboard.Pictures(texels, options.size, options.mip),
+        _reliefs(on, taken, host, options, None if before is None else before.reliefs),
         backdrop.Backdrop(on.infinity, _joined_maps(taken), options.resolution, _walls(on, host, options)),
         on.metals,
     )
+
+
+def _reliefs(
+    on: Stage, taken: Taken, poses: np.ndarray, options: Options, before: relief.Reliefs | None
+) -> relief.Reliefs | None:
+    """The depth maps where `poses` puts them; None for a plan without any."""
+    planned = on.plan
+    deep = sorted({slot for objects, mirrors in planned.maps for slot in (*objects, *mirrors)})
+    if not deep:
+        return None
+    cameras = []
+    for number in deep:
+        slot, shape = planned.slots[number], planned.shapes[planned.slots[number].part]
+        own = slot.part == slot.owner(planned.objects)
+        start = OWN_START * shape.radius if own else 0.0
+        cameras += impostor.camera(taken.stands[number].moved(poses[slot.part]), options.size, start)
+    if before is None or set(taken.renewed) & set(deep):
+        depth = dr.concat([taken.depths[number] for number in deep])
+        rows = dr.concat([taken.rows[number] for number in deep]) if options.points else None
+    else:
+        depth, rows = before.depth, before.rows
+    numbers = {number: k for k, number in enumerate(deep)}
+    shown = [([numbers[i] for i in objects], [numbers[i] for i in mirrors]) for objects, mirrors in planned.maps]
+    layout = depthmap.Layout(len(deep), options.size, max(options.rotations, 1), max(options.points, 2))
+    return relief.Reliefs(depth, rows, mi.Float(cameras), mi.UInt32(deep), *_lists(shown), layout)
 
 
 def _lists(shown: list[tuple[list[int], list[int]]]) -> tuple[mi.UInt32, int, int]:
@@ -329,3 +390,34 @@ def _walls(on: Stage, poses: np.ndarray, options: Options) -> backdrop.Walls | N
     walls = backdrop.Walls(mi.Point3f(*middle), mi.Vector3f(*a), mi.Vector3f(*b), mi.Vector3f(*up), mi.Point3f(*centre))
     dr.make_opaque(walls)
     return walls
+
+
+@dataclass
+class Shown:
+    """The fields of `benchharness.api.Reflection`."""
+
+    L: mi.Color3f
+    distance: mi.Float
+    counters: dict[str, mi.UInt32]
+
+
+def shown(rays: bounces.Cast, taken: Taken, frame, manner: bounces.Manner, attenuation: float) -> Shown:
+    """What all mirrors of a `benchharness.api.Frame` show.
+
+    attenuation  share of the light lost per metre of the reflected ray, as exp(-attenuation distance)
+
+    Counters: rays against quads; segments or texels of depth maps; pixels that reflect twice; pictures that the last
+    update took, and spans that its depth maps dropped.
+    """
+    renewed = dr.opaque(mi.UInt32, len(taken.renewed))
+    spans = [taken.dropped[number] for number in taken.renewed if taken.dropped[number] is not None]
+    counters = {"pictures_taken": renewed, "spans_dropped": dr.concat(spans) if spans else mi.UInt32(0)}
+    if dr.width(frame.pixels) == 0:  # no mirror in view
+        empty = dr.zeros(mi.Float, dr.width(frame.active))
+        return Shown(mi.Color3f(empty), empty, counters)
+    answer = bounces.reflected(rays, frame.view, [frame.p, frame.n, frame.reflector], frame.pixels, manner)
+    L = answer.L * dr.exp(-attenuation * answer.distance) if attenuation > 0 else answer.L
+    lanes = [L.x, L.y, L.z, answer.distance, answer.tests, answer.work, mi.UInt32(answer.second)]
+    x, y, z, distance, tests, work, second = pixels.spread(lanes, frame)
+    counters |= {"quad_tests": tests, "depth_steps": work, "second_order": second}
+    return Shown(mi.Color3f(x, y, z), distance, counters)

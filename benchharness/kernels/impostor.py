@@ -18,12 +18,12 @@ import numpy as np
 import trimesh
 
 from benchharness.kernels import geometry, raster
+from benchharness.kernels.depthmap import BACKGROUND
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.window import Window
 
 FIELD = np.radians(10.0)  # full angle that a camera sees (PMDS06 3)
 FLAT = 0.01  # thickness over length up to which a part is a plane
-BACKGROUND = 2.0  # depth of a texel that shows nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +142,7 @@ def window(stand: Stand, width: int) -> Window:
         return mi.Vector4f(*map(float, direction), float(-np.dot(direction, eye)))
 
     right, down = stand.a / focal[0], stand.b / focal[1]
-    camera = Window(
+    made = Window(
         eye=mi.Point3f(*map(float, eye)),
         x=row(focal[0] * stand.a + 0.5 * width * forward),
         y=row(focal[1] * stand.b + 0.5 * width * forward),
@@ -154,8 +154,14 @@ def window(stand: Stand, width: int) -> Window:
         width=width,
         height=width,
     )
-    dr.make_opaque(camera)
-    return camera
+    dr.make_opaque(made)
+    return made
+
+
+def camera(stand: Stand, width: int, start: float) -> list[float]:
+    """The camera of a depth map of width x width texels, 16 numbers as `kernels.relief` reads them."""
+    rows = [[*axis, -float(np.dot(axis, stand.eye))] for axis in (stand.a, stand.b, -stand.k)]
+    return [*rows[0], *rows[1], *rows[2], 0.5 * width * stand.distance / stand.half[0], stand.near, stand.far, start]
 
 
 def faces_of(triangles: geometry.Geometry, part: int) -> tuple[mi.UInt32, int]:

@@ -6,10 +6,9 @@ import drjit as dr
 
 
 def spread(values: list, frame) -> list:
-    """Arrays with a lane for each of `frame.pixels` -> with one for each pixel, 0 elsewhere. `frame`: benchharness.api.Frame."""
+    """Arrays with a lane for each of `benchharness.api.Frame.pixels`, at least one -> with one for each pixel, else 0."""
     count = frame.view.width * frame.view.height
     full = [dr.zeros(type(value), count) for value in values]
     for target, value in zip(full, values, strict=True):
-        if dr.width(frame.pixels) > 0:
-            dr.scatter(target, value, frame.pixels)
+        dr.scatter(target, value, frame.pixels)
     return full

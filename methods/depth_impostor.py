@@ -1,0 +1,91 @@
+"""Depth-map impostors: reflected rays meet pictures with depth (Popescu et al. 2006, section 4).
+
+Every object is seen by one or more cameras from around it, the first from where the mirror is. A reflected ray is a straight
+line in a camera's picture too, so that its hit is found in one dimension, along that line: on one of many turned rows of the
+depth map that were simplified to a few segments beforehand (`intersector = "srdm"`), or texel by texel ("march"). What is
+flat remains a billboard in its own plane, and the environment map is behind, as in `billboard_impostor`. Mirrors are depth
+maps with normals, from which the ray goes on once; with `own_maps` a mirror is reflected in itself too.
+
+Assumes that what matters of an object can be seen by its cameras: what none of them sees is not there. A depth map is rigid:
+it moves with its object, and is taken again only once the mirror has moved around the object by more than `turn`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar, Literal
+
+import mitsuba as mi
+import numpy as np
+from pydantic import Field
+
+from benchharness.api import Frame, Method, Reflection
+from benchharness.kernels import bounces, imagewise
+from benchharness.scene import Scene
+
+
+@dataclass
+class State:
+    stage: imagewise.Stage
+    taken: imagewise.Taken
+    cast: bounces.Cast | None
+
+
+@dataclass(frozen=True)
+class DepthImpostor(Method):
+    """
+    resolution   texels across a map and its picture, a power of two
+    rotations    n: turned sets of rows, over 180 degrees
+    points       m: of a simplified row, even
+    maps         depth maps per object: from the mirror, from behind, then from the sides, from below and above
+    own_maps     depth maps of a mirror in which it is reflected itself, along its own axes; 0 for no self-reflection
+    intersector  "srdm": simplified rows; "march": every texel along the ray
+    anchor       the row is that through the ray's "mid" or "start"
+    split_jump   step of depth, of the map's whole range, above which neighbours are not one surface; 0: they always are
+    turn         degrees that the mirror may move around an object before its maps are taken again
+    mip          trilinear lookup in a mip pyramid of the pictures; else bilinear in the finest level
+    environment  texels per edge of a face of the environment map, where one is taken
+    others       what other mirrors are: "reflective", "black", or "omitted"
+    walls        height in metres of the walls in which the ground's picture passes into the environment; 0 for none
+    attenuation  share of the light lost per metre of the reflected ray, as exp(-attenuation distance)
+    """
+
+    resolution: Annotated[int, Field(ge=8, le=2048)] = 256
+    rotations: Annotated[int, Field(ge=1, le=180)] = 60
+    points: Annotated[int, Field(ge=2, le=64, multiple_of=2)] = 16
+    maps: Annotated[int, Field(ge=1, le=6)] = 1
+    own_maps: Annotated[int, Field(ge=0, le=6)] = 0
+    intersector: Literal["srdm", "march"] = "srdm"
+    anchor: Literal["mid", "start"] = "mid"
+    split_jump: Annotated[float, Field(ge=0, le=1)] = 0.0
+    turn: Annotated[float, Field(ge=0, le=180)] = 0.0
+    mip: bool = True
+    environment: Annotated[int, Field(ge=4, le=4096)] = 256
+    others: Literal["reflective", "black", "omitted"] = "reflective"
+    walls: Annotated[float, Field(ge=0)] = 0.0
+    attenuation: Annotated[float, Field(ge=0)] = 0.0
+
+    paper: ClassVar[str] = "Popescu et al. 2006 (depth maps)"
+
+    def __post_init__(self) -> None:
+        if self.resolution & (self.resolution - 1):
+            raise ValueError(f"depth_impostor: resolution is {self.resolution}; accepted: a power of two, such as 256")
+
+    def prepare(self, scene: Scene) -> State:
+        ground = imagewise.ground_of(scene) if self.walls > 0 else None
+        planned = imagewise.plan(scene, self.maps, self.own_maps, self.others != "omitted", ground)
+        return State(imagewise.stage(scene, planned), imagewise.nothing(planned), None)
+
+    def update(self, state: State, frame: Frame) -> State:
+        options = imagewise.Options(
+            self.resolution, self.mip, self.environment, float(np.radians(self.turn)), self.walls,
+            self.rotations, self.points if self.intersector == "srdm" else 0, self.split_jump,
+        )  # fmt: skip
+        taken = imagewise.retaken(state.stage, state.taken, frame.poses, options)
+        return State(state.stage, taken, imagewise.cast(state.stage, taken, frame.poses, options, state.cast))
+
+    def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
+        manner = bounces.Manner(self.others == "reflective", self.mip, self.split_jump, self.anchor)
+        shown = imagewise.shown(state.cast, state.taken, frame, manner, self.attenuation)
+        state = replace(state, taken=replace(state.taken, renewed=[]))
+        return Reflection(shown.L, shown.distance, mi.Bool(frame.active), counters=shown.counters), state
