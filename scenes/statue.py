@@ -19,9 +19,9 @@ import numpy as np
 from benchharness.scene import Camera, Environment, Mesh, Object, Reflector, Scene, merged
 from scenes.angel import angel
 from scenes.courtyard import METALS
+from scenes.parlour import parlour
 from scenes.pottery import Fineness, teapot
 from scenes.shapes import box, from_rest_to_rest, gently, mixed, placed, pose, sheet, steps, way_to
-from scenes.surroundings import room
 
 DetailName = Literal["lean", "paper"]
 
@@ -47,8 +47,6 @@ DETAILS: dict[str, Detail] = {
 
 TABLE = (-0.46, 0.46, -0.30, 0.30)
 """The table top, which is z = 0: x from, to, y from, to, metres."""
-HEIGHT = 0.75
-"""Of the table top above the room's floor, metres."""
 CENTRE = (0.0, 0.0, 0.1)
 """Where the panorama is taken, metres."""
 ROWS = 768
@@ -99,8 +97,8 @@ def statue(detail: DetailName = "lean", moving: bool = True) -> Scene:
         camera=Orbit(),
         frames=FRAMES,
         fps=FPS,
-        environment=Environment.painted(room((0.0, 0.0, HEIGHT + CENTRE[2]), ROWS), ROWS, CENTRE),
-        exposure=1.0,
+        environment=Environment.painted(parlour(ROWS), ROWS, CENTRE),
+        exposure=0.0,
         detail=detail,
     )
     scene.source.update(detail=detail, moving=moving, base_vertices=scene.vertices)
