@@ -5,7 +5,8 @@ a line, and its image is bent by a body with ears, hollows and creases that mirr
 only the eye moves; in the second the furry bunny goes through the front of the other one, from one side to the other, and
 the line with it.
 
-The mirror is not convex, nor star-shaped, and most points have several reflections in it.
+The mirror is not convex, nor star-shaped, and most points have several reflections in it. Light and shadows are baked as
+things stand at first, and stay behind where the bunny was; a large soft sun keeps them pale.
 
 `lean` has 6,300 vertices for each bunny. Popescu et al. took the Stanford bunny and say nothing of its detail; `paper` has as
 many as the full scan of that bunny, 35,947, within 1 %.
