@@ -27,6 +27,7 @@ from benchharness.kernels import (
     relief,
     surroundings,
 )
+from benchharness.kernels.frozen import frozen
 from benchharness.kernels.roles import Listed, Plan, Slot
 
 OWN_START = 0.03  # of a mirror's radius: so far a ray runs before it may meet the mirror's own depth map
@@ -134,7 +135,8 @@ def retaken(on: Stage, before: Taken, poses: mi.Float, options: Options) -> Take
         now.texels[number] = billboard.with_levels(texels, size) if options.mip else texels
         if number in deep:
             now.depths[number] = depth
-            now.rows[number], now.dropped[number] = _simplified(depth, options) if options.points else (None, None)
+            if options.points:
+                now.rows[number], now.dropped[number] = _simplified(depth, size, options.rotations, options.points, options.jump)
         now.renewed.append(number)
     _renew_maps(on, now, world, host, options)
     return now
@@ -178,13 +180,11 @@ def _take(on: Stage, world: geometry.Geometry, slot: Slot, stand: impostor.Stand
     return impostor.picture(world, faces, count, camera, viewer, depths, slot.part >= on.plan.objects)
 
 
-def _simplified(depth: mi.Float, options: Options) -> tuple[mi.Float, mi.UInt32]:
+@frozen
+def _simplified(depth: mi.Float, size: int, rotations: int, points: int, jump: float) -> tuple[mi.Float, mi.UInt32]:
     """The rows of one depth map, and how many spans of them were dropped."""
-    layout = depthmap.Layout(1, options.size, options.rotations, options.points)
-    rows, dropped = depthrows.build(depth, layout, options.jump)
-    dropped = dr.sum(dropped)
-    dr.eval(rows, dropped)
-    return rows, dropped
+    rows, dropped = depthrows.build(depth, depthmap.Layout(1, size, rotations, points), jump)
+    return rows, dr.sum(dropped)
 
 
 def _renew_maps(on: Stage, now: Taken, world: geometry.Geometry, poses: np.ndarray, options: Options) -> None:
