@@ -136,7 +136,8 @@ def retaken(on: Stage, before: Taken, poses: mi.Float, options: Options) -> Take
         if number in deep:
             now.depths[number] = depth
             if options.points:
-                now.rows[number], now.dropped[number] = _simplified(depth, size, options.rotations, options.points, options.jump)
+                rows = _simplified(depth, size, options.rotations, options.points, options.jump)
+                now.rows[number], now.dropped[number] = rows
         now.renewed.append(number)
     _renew_maps(on, now, world, host, options)
     return now
