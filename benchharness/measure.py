@@ -10,7 +10,7 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from benchharness import metrics, reference, results, timing, truth
 from benchharness.api import Frame, Method, Reflection
 from benchharness.bake import bake
 from benchharness.frame import FrameRenderer
+from benchharness.regime import Seen
 from benchharness.scene import Scene, refined
 
 RUN_UP = 2  # frames shaded before the one that is measured; jitter is a second difference and needs both
@@ -205,6 +206,24 @@ class Bench:
         if reflection.vertices is not None:
             record |= self._vertices(entry, frames)
         return record
+
+    def seen(self, name: str, index: int, record: dict) -> Seen:
+        """What entry `name` showed in frame `index`, the last that was run, beside the reference; `record`: its row."""
+        entry = self.entries[name]
+        (image, reflection), frame = entry.shown[-1], self.renderer.render(index)
+        truth_ = reference.render(self.scene, self.scene.time(index), self.size, self.options, self.seed)
+        shape = truth_.mask.shape
+        mask = truth_.mask & np.array(frame.active).reshape(shape)
+        found, distance = (
+            np.broadcast_to(np.array(a), mask.size).reshape(shape) for a in (reflection.found, reflection.distance)
+        )
+        vertices = None
+        if reflection.vertices is not None:
+            vertices = {f.name: np.array(getattr(reflection.vertices, f.name)).T for f in fields(reflection.vertices)}
+        error = np.zeros(shape) if entry.error is None else entry.error
+        return Seen(
+            image, truth_.image, mask, truth_.reflector, found, distance, truth_.distance, error, vertices, record
+        )  # fmt: skip
 
     def _second(self, error: np.ndarray, second: np.ndarray) -> dict:
         """How many pixels show a second reflection, bool [H, W], and the mean error there if the reference shows it too."""

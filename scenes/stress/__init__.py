@@ -1,0 +1,1 @@
+"""Regimes of failure: minimal scenes, each with one severity that grows (`benchharness.regime`)."""
