@@ -14,26 +14,26 @@ from scenes.implicit import Blob, blended, limb, mirrored, polygonised
 from scenes.shapes import Colour, lathe
 
 STONE: dict[str, Colour] = {
-    "robe": (0.66, 0.58, 0.47),
-    "fold": (0.70, 0.62, 0.51),
-    "skin": (0.74, 0.66, 0.56),
-    "hair": (0.50, 0.38, 0.25),
-    "wing": (0.76, 0.70, 0.61),
-    "feather": (0.70, 0.63, 0.53),
-    "torch": (0.44, 0.30, 0.14),
-    "flame": (0.78, 0.50, 0.14),
+    "robe": (0.53, 0.45, 0.35),
+    "fold": (0.57, 0.49, 0.39),
+    "skin": (0.62, 0.53, 0.43),
+    "hair": (0.36, 0.25, 0.15),
+    "wing": (0.64, 0.57, 0.47),
+    "feather": (0.56, 0.48, 0.38),
+    "torch": (0.34, 0.20, 0.08),
+    "flame": (0.78, 0.46, 0.10),
 }
 PLINTH = 0.046
 """Height of what the figure stands on, metres."""
-REACH = 0.105
+REACH = 0.114
 """No point of the statue is further from its axis, metres."""
 
 
 def blobs() -> list[Blob]:
     """What the figure is made of, in the order in which it is blended."""
     out = [
-        limb((0, 0.002, 0.020), (0, 0.000, 0.200), 0.027, 0.024, k=0.006, part="robe"),
-        Blob((0, 0.000, 0.040), (0.040, 0.036, 0.050), k=0.006, part="robe"),
+        limb((0, 0.002, 0.024), (0, 0.000, 0.200), 0.027, 0.024, k=0.006, part="robe"),
+        Blob((0, 0.000, 0.066), (0.039, 0.035, 0.038), k=0.006, part="robe"),
         *_folds(),
         Blob((0, -0.001, 0.193), (0.0215, 0.0155, 0.034), k=0.006, part="robe"),
         *mirrored([Blob((0.0095, -0.0125, 0.205), (0.0095, 0.0080, 0.0095), k=0.004, part="robe")]),

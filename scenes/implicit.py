@@ -25,7 +25,6 @@ import trimesh
 from scipy.sparse import coo_array
 from skimage.measure import marching_cubes
 
-from benchharness.inside import is_closed
 from benchharness.scene import Mesh
 
 Triple = tuple[float, float, float]
@@ -144,7 +143,8 @@ def polygonised(blobs: Sequence[Blob], cell: float) -> Mesh:
     corners = v[faces]
     volume = np.einsum("fi,fi->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
     mesh = Mesh(v, faces if volume > 0 else faces[:, ::-1], normals(blobs, v))
-    if not is_closed(mesh):
+    edges = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    if (np.unique(edges, axis=0, return_counts=True)[1] != 2).any():
         raise ValueError(f"polygonised: the surface does not close with cells of {cell:g} m; accepted: smaller cells")
     return mesh
 

@@ -74,8 +74,10 @@ class Fineness:
 
 def teapot(radius: float, fine: Fineness) -> Mesh:
     """A teapot with a belly of `radius` metres, around the origin on z = 0."""
+    n = fine.curve
     pieces = [
-        _lathed([([BOTTOM], 1), ([FOOT], fine.curve // 2 + 1), (BODY, fine.curve), (LID, fine.curve)], fine.body),
+        # The turn below the belly is the longest: it has half as many steps again.
+        _lathed([([BOTTOM], [1]), ([FOOT], [n // 2 + 1]), (BODY, [n + n // 2, n, n]), (LID, [n, n, n])], fine.body),
         _swept(_with_mouth(SPOUT, fine.spout_rings), fine.spout),
         _swept(_along(HANDLE, fine.handle_rings), fine.handle),
     ]
@@ -91,13 +93,13 @@ def _bezier(curve: Curve, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return points, 3 * (s * s * (p[1] - p[0]) + 2 * s * t * (p[2] - p[1]) + t * t * (p[3] - p[2]))
 
 
-def _stretch(curves: Sequence[Curve], count: int) -> tuple[np.ndarray, np.ndarray]:
+def _stretch(curves: Sequence[Curve], counts: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
     """Points and unit normals (radius, z), to the right of the way, of curves that go over into each other smoothly.
 
-    Along each, `count` steps share its length and its turn alike: a mirror's picture follows the turn.
+    Along each, its `counts` steps share its length and its turn alike: a mirror's picture follows the turn.
     """
     points, normals = [], []
-    for curve in curves:
+    for curve, count in zip(curves, counts, strict=True):
         t = np.linspace(0, 1, 401)
         p, d = _bezier(curve, t)
         direction = np.unwrap(np.arctan2(d[:, 1], d[:, 0]))
@@ -111,14 +113,14 @@ def _stretch(curves: Sequence[Curve], count: int) -> tuple[np.ndarray, np.ndarra
     return np.concatenate(points), np.concatenate(normals)
 
 
-def _lathed(stretches: Sequence[tuple[Sequence[Curve], int]], around: int) -> Mesh:
+def _lathed(stretches: Sequence[tuple[Sequence[Curve], Sequence[int]]], around: int) -> Mesh:
     """A closed surface of revolution; smooth within each stretch, whose curves have so many steps each. The first starts
     and the last ends on the axis."""
     angle = 2 * np.pi * np.arange(around) / around
     turn = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     meshes = []
-    for curves, count in stretches:
-        p, n = _stretch(curves, count)
+    for curves, counts in stretches:
+        p, n = _stretch(curves, counts)
         vertices = np.concatenate([np.column_stack([r * turn, np.full(around, z)]) for r, z in p])
         normals = np.concatenate([np.column_stack([x * turn, np.full(around, y)]) for x, y in n])
         faces = _rings(len(p), around)

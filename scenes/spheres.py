@@ -75,7 +75,7 @@ class Bounce:
         return matrix
 
 
-CAMERA = courtyard.Orbit((-132.0, -108.0, -104.0), (19.0, 15.0, 14.5), (1.72, 1.66, 1.65), (0.0, 0.0, 0.20), 35.0, HALF, END)
+CAMERA = courtyard.Orbit((-132.0, -108.0, -104.0), (18.0, 12.5, 12.0), (1.72, 1.66, 1.65), (0.0, 0.0, 0.20), 35.0, HALF, END)
 
 
 def spheres(detail: DetailName = "lean", count: int = COUNT, moving: bool = True) -> Scene:

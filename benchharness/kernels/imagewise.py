@@ -37,6 +37,10 @@ OWN_START = 0.03  # of a mirror's radius: so far a ray runs before it may meet t
 NEAR = 1e-3  # metres; nearer to the centre of an environment map than this nothing is drawn
 
 
+Listed = tuple[list[int], list[int]]
+"""What a mirror shows of one kind: slots of objects, slots of mirrors."""
+
+
 @dataclass(frozen=True)
 class Slot:
     """A picture: of which part; for which mirror, None for a plane's; which of its directions (see `directions`)."""
@@ -56,8 +60,9 @@ class Plan:
 
     shapes      of all parts
     objects     how many parts are objects; mirrors come after them
-    slots       all pictures
-    quads       per mirror, slots that it shows as billboards: objects, then other mirrors
+    slots       all pictures, those of planes first
+    planes      per mirror, slots that it shows in their own plane: objects, then other mirrors
+    quads       per mirror, slots that it shows as billboards, likewise
     maps        per mirror, slots that it shows as depth maps, likewise
     enclosing   per mirror, the objects that surround it
     ground      the object that goes on in the panorama, if the morph is wanted; shown by the environment map
@@ -66,10 +71,20 @@ class Plan:
     shapes: list[impostor.Shape]
     objects: int
     slots: list[Slot]
-    quads: list[tuple[list[int], list[int]]]
-    maps: list[tuple[list[int], list[int]]]
+    planes: list[Listed]
+    quads: list[Listed]
+    maps: list[Listed]
     enclosing: list[set[int]]
     ground: int | None = None
+
+    @property
+    def plane_slots(self) -> int:
+        return sum(slot.mirror is None for slot in self.slots)
+
+    @property
+    def deep_slots(self) -> list[int]:
+        """Those that are shown as depth maps, ascending."""
+        return sorted({slot for objects, mirrors in self.maps for slot in (*objects, *mirrors)})
 
 
 def plan(scene, maps: int, own_maps: int, mirrors: bool, ground: int | None) -> Plan:
@@ -83,33 +98,30 @@ def plan(scene, maps: int, own_maps: int, mirrors: bool, ground: int | None) -> 
     parts, objects = scene.parts, len(scene.objects)
     shapes = [impostor.shape_of(part.mesh.vertices, part.mesh.faces) for part in parts]
     boxes = [_box(shape, part.pose(0.0)) for shape, part in zip(shapes, parts, strict=True)]
+    shown = [n for n in range(objects) if n != ground] + (list(range(objects, len(parts))) if mirrors else [])
+    own = range(objects, len(parts))
+    enclosing = [{n for n in shown if n < objects and _holds(boxes[n], boxes[m])} for m in own]
+
     slots: list[Slot] = []
-    shared: dict[int, int] = {}
-    result = Plan(shapes, objects, slots, [], [], [], ground)
-    for mirror in range(len(scene.reflectors)):
-        own = objects + mirror
-        quads: tuple[list[int], list[int]] = ([], [])
-        depths: tuple[list[int], list[int]] = ([], [])
-        around: set[int] = set()
-        for number in range(len(parts)):
-            kind = int(number >= objects)
-            if number == ground or (kind == 1 and not mirrors and number != own):
+    flat = [n for n in shown if shapes[n].plane is not None and not any(n in around for around in enclosing)]
+    in_plane = {n: _added(slots, Slot(n, None)) for n in flat}
+    result = Plan(shapes, objects, slots, [], [], [], enclosing, ground)
+    for number, mirror in enumerate(own):
+        planes, quads, depths = ([], []), ([], []), ([], [])
+        for n in shown:
+            kind = int(n >= objects)
+            if n == mirror or n in enclosing[number]:
                 continue
-            if number == own:
-                depths[1].extend(_added(slots, Slot(number, mirror, k)) for k in range(own_maps))
-            elif kind == 0 and _holds(boxes[number], boxes[own]):
-                around.add(number)
-            elif shapes[number].plane is not None:
-                if number not in shared:
-                    shared[number] = _added(slots, Slot(number, None))
-                quads[kind].append(shared[number])
+            if n in in_plane:
+                planes[kind].append(in_plane[n])
             elif maps == 0:
-                quads[kind].append(_added(slots, Slot(number, mirror)))
+                quads[kind].append(_added(slots, Slot(n, number)))
             else:
-                depths[kind].extend(_added(slots, Slot(number, mirror, k)) for k in range(maps))
+                depths[kind].extend(_added(slots, Slot(n, number, k)) for k in range(maps))
+        depths[1].extend(_added(slots, Slot(mirror, number, k)) for k in range(own_maps))
+        result.planes.append(planes)
         result.quads.append(quads)
         result.maps.append(depths)
-        result.enclosing.append(around)
     return result
 
 
@@ -133,6 +145,7 @@ class Options:
     """How pictures are kept.
 
     size        texels across a picture
+    planes      texels across the picture of a plane
     mip         with mip levels
     resolution  texels per edge of an environment map's face
     turn        radians by which a mirror may move around a part, seen from it, before a depth map is taken again
@@ -143,6 +156,7 @@ class Options:
     """
 
     size: int
+    planes: int
     mip: bool
     resolution: int
     turn: float
@@ -218,7 +232,7 @@ def retaken(on: Stage, before: Taken, poses: mi.Float, options: Options) -> Take
     planned = on.plan
     host = np.array(poses).astype(np.float64).reshape(-1, 3, 4)
     world = geometry.placed_seen(on.triangles, poses, planned.objects)
-    deep = {slot for objects, mirrors in planned.maps for slot in (*objects, *mirrors)}
+    deep = set(planned.deep_slots)
     now = replace(before, **{name: list(getattr(before, name)) for name in vars(before)})
     now.renewed = []
     for number, slot in enumerate(planned.slots):
@@ -228,9 +242,10 @@ def retaken(on: Stage, before: Taken, poses: mi.Float, options: Options) -> Take
             continue
         stand = _stand(shape, slot, viewpoint, slot.part == slot.owner(planned.objects))
         seen_from = mi.Point3f(*map(float, pose[:, :3] @ viewpoint + pose[:, 3]))
-        texels, depth = _take(on, world, slot, stand.moved(pose), seen_from, options.size)
+        size = options.planes if slot.mirror is None else options.size
+        texels, depth = _take(on, world, slot, stand.moved(pose), seen_from, size)
         now.viewpoints[number], now.stands[number] = viewpoint, stand
-        now.texels[number] = billboard.with_levels(texels, options.size) if options.mip else texels
+        now.texels[number] = billboard.with_levels(texels, size) if options.mip else texels
         if number in deep:
             now.depths[number] = depth
             now.rows[number], now.dropped[number] = _simplified(depth, options) if options.points else (None, None)
@@ -323,18 +338,25 @@ def cast(on: Stage, taken: Taken, poses: mi.Float, options: Options, before: bou
         quads[number, 0] = [*stand.centre, slot.part - planned.objects if slot.part >= planned.objects else -1]
         quads[number, 1, :3], quads[number, 2, :3] = stand.a / stand.half[0], stand.b / stand.half[1]
         quads[number, 3, :3] = stand.k
-    if before is None or taken.renewed:
-        texels = dr.concat(taken.texels) if taken.texels else dr.zeros(mi.Float, 4)
-    else:
-        texels = before.pictures.texels
-    lists, columns, objects = _lists(planned.quads)
+    flat, table = planned.plane_slots, mi.Float(quads.ravel())
+    plane_texels = _together(taken, range(flat), None if before is None else before.plane_pictures)
+    texels = _together(taken, range(flat, len(planned.slots)), None if before is None else before.pictures)
     return bounces.Cast(
-        billboard.Billboards(mi.Float(quads.ravel()), lists, columns, objects),
-        billboard.Pictures(texels, options.size, options.mip),
+        billboard.Billboards(table, *_lists(planned.planes)),
+        billboard.Pictures(plane_texels, options.planes, options.mip),
+        billboard.Billboards(table, *_lists(planned.quads)),
+        billboard.Pictures(texels, options.size, options.mip, flat),
         _reliefs(on, taken, host, options, None if before is None else before.reliefs),
         backdrop.Backdrop(on.infinity, _joined_maps(taken), options.resolution, _walls(on, host, options)),
         on.metals,
     )
+
+
+def _together(taken: Taken, slots: range, before: billboard.Pictures | None) -> mi.Float:
+    """The texels of some slots, one after the other: those of `before` if none was taken since."""
+    if before is not None and not any(number in slots for number in taken.renewed):
+        return before.texels
+    return dr.concat([taken.texels[number] for number in slots]) if slots else dr.zeros(mi.Float, 4)
 
 
 def _reliefs(
@@ -342,7 +364,7 @@ def _reliefs(
 ) -> relief.Reliefs | None:
     """The depth maps where `poses` puts them; None for a plan without any."""
     planned = on.plan
-    deep = sorted({slot for objects, mirrors in planned.maps for slot in (*objects, *mirrors)})
+    deep = planned.deep_slots
     if not deep:
         return None
     cameras = []
@@ -362,7 +384,7 @@ def _reliefs(
     return relief.Reliefs(depth, rows, mi.Float(cameras), mi.UInt32(deep), *_lists(shown), layout)
 
 
-def _lists(shown: list[tuple[list[int], list[int]]]) -> tuple[mi.UInt32, int, int]:
+def _lists(shown: list[Listed]) -> tuple[mi.UInt32, int, int]:
     """Slots per mirror as a table, how many columns it has, and how many of them are for objects."""
     objects = max(len(own) for own, _ in shown)
     columns = objects + max(len(mirrors) for _, mirrors in shown)
