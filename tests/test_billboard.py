@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mitsuba as mi
 import numpy as np
@@ -23,6 +23,10 @@ def vectors(array):
 
 def noise(*shape, seed=0):
     return np.random.default_rng(seed).uniform(0, 1, shape)
+
+
+def unit(v):
+    return v / np.linalg.norm(v, axis=-1, keepdims=True)
 
 
 # Pictures
@@ -146,11 +150,11 @@ def still() -> billboard.Spread:
     return billboard.Spread([mi.Vector3f(0), mi.Vector3f(0)], [mi.Vector3f(0), mi.Vector3f(0)])
 
 
-def met(made: Quads, mirror, o, d, least=0.0, columns=None, pictures=None, spread=None) -> billboard.Hit:
+def met(made: Quads, mirror, o, d, least=0.0, columns=None, pictures=None, spread=None, before=None) -> billboard.Hit:
     columns = made.lists.shape[1] if columns is None else columns
     return billboard.nearest(
         made.boards, pictures or made.pictures, columns, mi.UInt32(mirror), mi.Point3f(vectors(o)), vectors(d), mi.Float(least),
-        spread or still(), mi.Bool(True),
+        spread or still(), mi.Bool(True), before,
     )  # fmt: skip
 
 
@@ -227,20 +231,20 @@ def test_a_point_counts_from_half_coverage_and_its_colour_is_what_is_covered():
 def test_the_level_is_that_at_which_texels_are_as_wide_as_rays_are_apart():
     made = quads()
     pictures = billboard.Pictures(made.pictures.texels, SIZE, True)
-    texel = 2 * made.half[:, 0] / SIZE
-    slots = mi.UInt32(np.arange(6))
+    axis = made.a / made.half[:, :1]
+    packet = mi.Vector4f(*(device(column) for column in axis.T), 0)
     for factor in (1.0, 2.0, 8.0, 0.5):
-        level = billboard.level_of(made.boards, pictures, slots, device(factor * texel), mi.Bool(True))
+        level = billboard.level_of(pictures, packet, device(factor * 2 * made.half[:, 0] / SIZE))
         np.testing.assert_allclose(np.array(level), np.log2(factor), atol=1e-4)
-    assert np.isfinite(np.array(billboard.level_of(made.boards, pictures, slots, mi.Float(0), mi.Bool(True)))).all()
+    assert np.isfinite(np.array(billboard.level_of(pictures, packet, mi.Float(0)))).all()
 
 
-def test_rays_that_part_are_as_far_apart_as_the_larger_of_both_neighbours():
+def test_rays_that_part_are_as_far_apart_as_the_nearer_of_both_neighbours():
     starts = [mi.Vector3f(0.1, 0, 0), mi.Vector3f(0, 0.05, 0)]
     turns = [mi.Vector3f(0.0, 0.2, 0), mi.Vector3f(0, -0.05, 0.0)]
     t = np.array([0.0, 1.0, 3.0])
     apart = np.array(billboard.Spread(starts, turns).at(device(t)))
-    np.testing.assert_allclose(apart, np.maximum(np.hypot(0.1, 0.2 * t), np.abs(0.05 - 0.05 * t)), rtol=1e-6)
+    np.testing.assert_allclose(apart, np.minimum(np.hypot(0.1, 0.2 * t), np.abs(0.05 - 0.05 * t)), atol=1e-6)
 
 
 def test_a_ray_whose_neighbours_are_far_sees_a_coarser_level():
@@ -249,7 +253,30 @@ def test_a_ray_whose_neighbours_are_far_sees_a_coarser_level():
     pictures = billboard.Pictures(billboard.with_levels(device(texels), SIZE), SIZE, True)
     for level in (0, 1, 2):
         apart = 2.0**level * 2 / SIZE
-        spread = billboard.Spread([mi.Vector3f(apart, 0, 0), mi.Vector3f(0)], [mi.Vector3f(0), mi.Vector3f(0)])
+        spread = billboard.Spread([mi.Vector3f(apart, 0, 0), mi.Vector3f(0, 3 * apart, 0)], [mi.Vector3f(0), mi.Vector3f(0)])
         hit = met(made, [0], [(0.31, -0.42, 1.0)], [(0, 0, -1.0)], pictures=pictures, spread=spread)
         expected = bilinear(pyramid(texels)[level], 0.31, -0.42 * made.b[0, 1])
         np.testing.assert_allclose(np.array(hit.value).ravel(), expected, atol=1e-5)
+
+
+def test_slots_are_counted_from_the_first_of_their_pictures_and_what_was_met_before_stays_if_it_is_nearer():
+    made = quads()
+    rest = replace(made, lists=np.array([[4, 5, -1, -1, -1, -1]]))
+    pictures = billboard.Pictures(device(made.texels[4:]), SIZE, False, 4)
+    rng, count = np.random.default_rng(8), 500
+    o = 2 * rng.normal(size=(count, 3))
+    d = unit(rng.uniform(-1, 1, (count, 3)) - o)
+    zero = np.zeros(count, int)
+    whole, part = met(rest, zero, o, d), met(rest, zero, o, d, pictures=pictures)
+    for name in ("t", "slot", "value"):
+        np.testing.assert_array_equal(np.array(getattr(whole, name)), np.array(getattr(part, name)))
+    hit = np.isfinite(np.array(part.t))
+    assert 50 < hit.sum() < count - 50
+    before = billboard.Hit(mi.Float(2.0), mi.UInt32(77), mi.Vector4f(9.0), mi.UInt32(3))
+    both = met(rest, zero, o, d, pictures=pictures, before=before)
+    nearer = hit & (np.array(part.t) < 2.0)
+    assert nearer.any() and (hit & ~nearer).any()
+    np.testing.assert_array_equal(np.array(both.slot), np.where(nearer, np.array(part.slot), 77))
+    np.testing.assert_array_equal(np.array(both.t), np.where(nearer, np.array(part.t), np.float32(2.0)))
+    np.testing.assert_array_equal(np.array(both.value).T[~nearer], 9.0)
+    np.testing.assert_array_equal(np.array(both.tests), 5)
