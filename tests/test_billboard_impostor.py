@@ -253,11 +253,10 @@ def test_i07_a_second_reflection_is_nearer_to_the_truth_than_black_or_none_and_m
         second = counted(answers[0], "second_order") == 1
         assert second.sum() > 100
         errors.append([rms(a, exact, second) for a in answers])
-    print(errors)
     assert errors[0][0] < 0.7 * errors[0][1]
     for near in errors[1:]:
         assert near[0] < 0.6 * min(near[1:])
-    assert errors[2][0] < 0.6 * errors[1][0] < 0.6**2 * errors[0][0]
+    assert errors[2][0] < 0.7 * errors[1][0] < 0.7**2 * errors[0][0]
 
 
 GOLD = {"eta": (0.143, 0.375, 1.442), "k": (3.983, 2.386, 1.603)}
@@ -273,10 +272,9 @@ def conductor(cosine, eta, k):
 
 def test_a_second_mirror_of_gold_dims_by_its_reflectance_at_the_angle_of_its_billboard():
     ideal, gold = (one(BillboardImpostor(), far_mirrors(1.0, s)) for s in (None, GOLD))
-    second = (counted(gold, "second_order") == 1) & (
-        np.array(gold.frame.reflector).reshape(second_shape := gold.active.shape) == 0
-    )
-    assert second_shape == (128, 192) and second.sum() > 30
+    seen_in_first = np.array(gold.frame.reflector).reshape(gold.active.shape) == 0
+    second = (counted(gold, "second_order") == 1) & seen_in_first
+    assert second.sum() > 100
     ratio = gold.L[second] / ideal.L[second]
     assert (ratio[:, 0] > ratio[:, 1]).all() and (ratio[:, 1] > ratio[:, 2]).all()
     # One angle explains all three colours.
