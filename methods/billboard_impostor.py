@@ -18,7 +18,7 @@ import mitsuba as mi
 from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection
-from benchharness.kernels import bounces, imagewise
+from benchharness.kernels import bounces, imagewise, roles
 from benchharness.scene import Scene
 
 
@@ -58,7 +58,7 @@ class BillboardImpostor(Method):
                 raise ValueError(f"billboard_impostor: {name} is {value}; accepted: a power of two, such as 256")
 
     def prepare(self, scene: Scene) -> State:
-        planned = imagewise.plan(scene, 0, 0, self.others != "omitted", imagewise.ground_of(scene) if self.walls > 0 else None)
+        planned = roles.plan(scene, 0, 0, self.others != "omitted", roles.ground_of(scene) if self.walls > 0 else None)
         return State(imagewise.stage(scene, planned), imagewise.nothing(planned), None)
 
     def update(self, state: State, frame: Frame) -> State:

@@ -20,7 +20,7 @@ import numpy as np
 from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection
-from benchharness.kernels import bounces, imagewise
+from benchharness.kernels import bounces, imagewise, roles
 from benchharness.scene import Scene
 
 
@@ -75,8 +75,8 @@ class DepthImpostor(Method):
                 raise ValueError(f"depth_impostor: {name} is {value}; accepted: a power of two, such as 256")
 
     def prepare(self, scene: Scene) -> State:
-        ground = imagewise.ground_of(scene) if self.walls > 0 else None
-        planned = imagewise.plan(scene, self.maps, self.own_maps, self.others != "omitted", ground)
+        ground = roles.ground_of(scene) if self.walls > 0 else None
+        planned = roles.plan(scene, self.maps, self.own_maps, self.others != "omitted", ground)
         return State(imagewise.stage(scene, planned), imagewise.nothing(planned), None)
 
     def update(self, state: State, frame: Frame) -> State:

@@ -18,6 +18,8 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
+from benchharness.kernels.frozen import frozen
+
 NONE = 0xFFFF_FFFF  # no billboard
 PARALLEL = 1e-6  # a ray whose direction has less than this along a quad's normal misses it
 OPAQUE = 0.5  # coverage from which a texel stops a ray
@@ -43,6 +45,7 @@ class Pictures:
         return sum((self.size >> level) ** 2 for level in range(self.levels))
 
 
+@frozen
 def with_levels(texels: mi.Float, size: int) -> mi.Float:
     """A picture with all its mip levels: each texel of a level is the mean of four of the one before."""
     levels = [texels]

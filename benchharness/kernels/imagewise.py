@@ -1,13 +1,8 @@
-"""What methods share that meet reflected rays with pictures of the scene: which part is shown by what, and keeping it true.
+"""What methods share that meet reflected rays with pictures of the scene: taking them, keeping them true, looking at them.
 
-Roles. Each mirror sees each part of the scene as one of
-
-    plane         a flat part is a billboard in its own plane, one picture for all mirrors that is never taken again
-    impostor      anything else is shown by pictures taken for this mirror: by a billboard or by depth maps
-    surroundings  an object whose box encloses the mirror's (a room) goes to the environment map of this mirror
-
-Every picture has a slot. It is taken when its part or its mirror has moved since it was taken, never because the eye
-moved; which slots that is, is decided on the host, in double precision.
+`kernels.roles` says which parts of the scene are shown by which pictures. A picture is taken again when its part or its
+mirror has moved since it was taken, never because the eye moved; which ones that is, is decided on the host, in double
+precision. A plane's picture is taken once.
 """
 
 from __future__ import annotations
@@ -32,112 +27,11 @@ from benchharness.kernels import (
     relief,
     surroundings,
 )
+from benchharness.kernels.frozen import frozen
+from benchharness.kernels.roles import Listed, Plan, Slot
 
 OWN_START = 0.03  # of a mirror's radius: so far a ray runs before it may meet the mirror's own depth map
 NEAR = 1e-3  # metres; nearer to the centre of an environment map than this nothing is drawn
-
-
-Listed = tuple[list[int], list[int]]
-"""What a mirror shows of one kind: slots of objects, slots of mirrors."""
-
-
-@dataclass(frozen=True)
-class Slot:
-    """A picture: of which part; for which mirror, None for a plane's; which of its directions (see `directions`)."""
-
-    part: int
-    mirror: int | None
-    direction: int = 0
-
-    def owner(self, objects: int) -> int | None:
-        """The part that is its mirror; `objects` is the first mirror's."""
-        return None if self.mirror is None else objects + self.mirror
-
-
-@dataclass(frozen=True, eq=False)
-class Plan:
-    """Who is shown how. Decided once, on the host.
-
-    shapes      of all parts
-    objects     how many parts are objects; mirrors come after them
-    slots       all pictures, those of planes first
-    planes      per mirror, slots that it shows in their own plane: objects, then other mirrors
-    quads       per mirror, slots that it shows as billboards, likewise
-    maps        per mirror, slots that it shows as depth maps, likewise
-    enclosing   per mirror, the objects that surround it
-    ground      the object that goes on in the panorama, if the morph is wanted; shown by the environment map
-    """
-
-    shapes: list[impostor.Shape]
-    objects: int
-    slots: list[Slot]
-    planes: list[Listed]
-    quads: list[Listed]
-    maps: list[Listed]
-    enclosing: list[set[int]]
-    ground: int | None = None
-
-    @property
-    def plane_slots(self) -> int:
-        return sum(slot.mirror is None for slot in self.slots)
-
-    @property
-    def deep_slots(self) -> list[int]:
-        """Those that are shown as depth maps, ascending."""
-        return sorted({slot for objects, mirrors in self.maps for slot in (*objects, *mirrors)})
-
-
-def plan(scene, maps: int, own_maps: int, mirrors: bool, ground: int | None) -> Plan:
-    """The roles of all parts of a `benchharness.scene.Scene` at its start.
-
-    maps      depth maps per part and mirror; 0 for billboards
-    own_maps  depth maps of each mirror for itself
-    mirrors   whether other mirrors are shown at all
-    ground    number of the object whose border is morphed, or None
-    """
-    parts, objects = scene.parts, len(scene.objects)
-    shapes = [impostor.shape_of(part.mesh.vertices, part.mesh.faces) for part in parts]
-    boxes = [_box(shape, part.pose(0.0)) for shape, part in zip(shapes, parts, strict=True)]
-    shown = [n for n in range(objects) if n != ground] + (list(range(objects, len(parts))) if mirrors else [])
-    own = range(objects, len(parts))
-    enclosing = [{n for n in shown if n < objects and _holds(boxes[n], boxes[m])} for m in own]
-
-    slots: list[Slot] = []
-    flat = [n for n in shown if shapes[n].plane is not None and not any(n in around for around in enclosing)]
-    in_plane = {n: _added(slots, Slot(n, None)) for n in flat}
-    result = Plan(shapes, objects, slots, [], [], [], enclosing, ground)
-    for number, mirror in enumerate(own):
-        planes, quads, depths = ([], []), ([], []), ([], [])
-        for n in shown:
-            kind = int(n >= objects)
-            if n == mirror or n in enclosing[number]:
-                continue
-            if n in in_plane:
-                planes[kind].append(in_plane[n])
-            elif maps == 0:
-                quads[kind].append(_added(slots, Slot(n, number)))
-            else:
-                depths[kind].extend(_added(slots, Slot(n, number, k)) for k in range(maps))
-        depths[1].extend(_added(slots, Slot(mirror, number, k)) for k in range(own_maps))
-        result.planes.append(planes)
-        result.quads.append(quads)
-        result.maps.append(depths)
-    return result
-
-
-def _added(slots: list[Slot], slot: Slot) -> int:
-    slots.append(slot)
-    return len(slots) - 1
-
-
-def _box(shape: impostor.Shape, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest corner of a part in world space."""
-    points = shape.vertices @ pose[:3, :3].T + pose[:3, 3]
-    return points.min(axis=0), points.max(axis=0)
-
-
-def _holds(box: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]) -> bool:
-    return bool((box[0] < other[0]).all() and (other[1] < box[1]).all())
 
 
 @dataclass(frozen=True)
@@ -205,13 +99,6 @@ class Taken:
     renewed: list[int]
 
 
-def ground_of(scene) -> int | None:
-    """The number of the object that goes on in the panorama of a scene; None if none does."""
-    if scene.environment is None or scene.environment.ground is None:
-        return None
-    return [o.name for o in scene.objects].index(scene.environment.ground)
-
-
 def stage(scene, planned: Plan) -> Stage:
     """Uploads a scene. Waits for the device."""
     triangles = geometry.of_scene_seen(scene)
@@ -248,7 +135,9 @@ def retaken(on: Stage, before: Taken, poses: mi.Float, options: Options) -> Take
         now.texels[number] = billboard.with_levels(texels, size) if options.mip else texels
         if number in deep:
             now.depths[number] = depth
-            now.rows[number], now.dropped[number] = _simplified(depth, options) if options.points else (None, None)
+            if options.points:
+                rows = _simplified(depth, size, options.rotations, options.points, options.jump)
+                now.rows[number], now.dropped[number] = rows
         now.renewed.append(number)
     _renew_maps(on, now, world, host, options)
     return now
@@ -292,13 +181,11 @@ def _take(on: Stage, world: geometry.Geometry, slot: Slot, stand: impostor.Stand
     return impostor.picture(world, faces, count, camera, viewer, depths, slot.part >= on.plan.objects)
 
 
-def _simplified(depth: mi.Float, options: Options) -> tuple[mi.Float, mi.UInt32]:
+@frozen
+def _simplified(depth: mi.Float, size: int, rotations: int, points: int, jump: float) -> tuple[mi.Float, mi.UInt32]:
     """The rows of one depth map, and how many spans of them were dropped."""
-    layout = depthmap.Layout(1, options.size, options.rotations, options.points)
-    rows, dropped = depthrows.build(depth, layout, options.jump)
-    dropped = dr.sum(dropped)
-    dr.eval(rows, dropped)
-    return rows, dropped
+    rows, dropped = depthrows.build(depth, depthmap.Layout(1, size, rotations, points), jump)
+    return rows, dr.sum(dropped)
 
 
 def _renew_maps(on: Stage, now: Taken, world: geometry.Geometry, poses: np.ndarray, options: Options) -> None:
@@ -428,8 +315,8 @@ def shown(rays: bounces.Cast, taken: Taken, frame, manner: bounces.Manner, atten
 
     attenuation  share of the light lost per metre of the reflected ray, as exp(-attenuation distance)
 
-    Counters: rays against quads; segments or texels of depth maps; pixels that reflect twice; pictures that the last
-    update took, and spans that its depth maps dropped.
+    Counters, one number for each of `frame.pixels`: rays against quads; segments or texels of depth maps; 1 where a ray
+    reflects twice. Besides, pictures that the last update took, and spans that its depth maps dropped.
     """
     renewed = dr.opaque(mi.UInt32, len(taken.renewed))
     spans = [taken.dropped[number] for number in taken.renewed if taken.dropped[number] is not None]
@@ -439,7 +326,6 @@ def shown(rays: bounces.Cast, taken: Taken, frame, manner: bounces.Manner, atten
         return Shown(mi.Color3f(empty), empty, counters)
     answer = bounces.reflected(rays, frame.view, [frame.p, frame.n, frame.reflector], frame.pixels, manner)
     L = answer.L * dr.exp(-attenuation * answer.distance) if attenuation > 0 else answer.L
-    lanes = [L.x, L.y, L.z, answer.distance, answer.tests, answer.work, mi.UInt32(answer.second)]
-    x, y, z, distance, tests, work, second = pixels.spread(lanes, frame)
-    counters |= {"quad_tests": tests, "depth_steps": work, "second_order": second}
+    x, y, z, distance = pixels.spread([L.x, L.y, L.z, answer.distance], frame)
+    counters |= {"quad_tests": answer.tests, "depth_steps": answer.work, "second_order": mi.UInt32(answer.second)}
     return Shown(mi.Color3f(x, y, z), distance, counters)
