@@ -3,31 +3,43 @@
 from __future__ import annotations
 
 import numpy as np
-from mirror_room import Answer, ball, mirror_ball, plain, scene, smooth, still
+from mirror_room import Answer, ball, mirror_ball, plain, scene, shaded, smooth, still
 from small_room import quad
 
 from benchharness.scene import Environment, Mesh, Object, Reflector, Scene, subdivided
 
 SKY = (0.1, 0.2, 0.3)
+SIZE = (96, 64)
+
+
+def one(method, made, size=SIZE, index=0):
+    return shaded(method, made, index, size=size)[0]
+
+
+def rms(one_, other, where) -> float:
+    return float(np.sqrt(((one_.L - other.L)[where] ** 2).mean()))
 
 
 def rays(answer: Answer) -> tuple[np.ndarray, np.ndarray]:
     """Where the pixels' reflected rays start, and their directions, float64 [H, W, 3]; NaN off the mirrors."""
-    p, n, v = (np.array(x, np.float64).T.reshape(*answer.active.shape, 3) for x in vars_of(answer))
+    p, n, v = (
+        np.array(x, np.float64).T.reshape(*answer.active.shape, 3) for x in (answer.frame.p, answer.frame.n, answer.frame.v)
+    )
     d = 2 * (n * v).sum(axis=-1, keepdims=True) * n - v
     off = ~answer.active
     p[off], d[off] = np.nan, np.nan
     return p, d / np.linalg.norm(d, axis=-1, keepdims=True)
 
 
-def vars_of(answer: Answer):
-    return answer.frame.p, answer.frame.n, answer.frame.v
-
-
 def counted(answer: Answer, name: str) -> np.ndarray:
-    """A counter of every pixel [H, W], or the one number that it is."""
+    """A counter of every pixel [H, W], 0 off the mirrors; or the one number that it is."""
     values = np.array(answer.reflection.counters[name])
-    return values.reshape(answer.active.shape) if values.size == answer.active.size else values
+    pixels = np.array(answer.frame.pixels)
+    if values.size == 1 or values.size not in (pixels.size, answer.active.size):
+        return values
+    out = np.zeros(answer.active.size, values.dtype)
+    out[pixels] = values if values.size == pixels.size else values[pixels]
+    return out.reshape(answer.active.shape)
 
 
 def disc(radius: float, middle, u, v, rings: int = 60, slices: int = 240) -> Mesh:

@@ -88,6 +88,22 @@ def test_what_is_thinner_than_a_twentieth_of_its_length_is_flat(thick, flat):
     assert (of(turned).plane is not None) == flat
 
 
+@pytest.mark.parametrize(("wide", "flat"), [(0.04, False), (0.07, False), (0.09, True)])
+def test_a_rod_has_no_plane_of_its_own(wide, flat):
+    """It is thin for its length, but as thick as wide: seen along such a plane it would vanish."""
+    assert (of(box((0, 0, 0), (wide, 0.04, 1))).plane is not None) == flat
+
+
+@pytest.mark.parametrize(
+    "corners", [[(0, -1, 0), (0, -1, 1), (0, -1, 0.5)], [(0, -1, 0.5)] * 3, [(0, 0, 0), (1, 2, 3), (3, 6, 9)]]
+)
+def test_what_has_no_area_has_no_plane_and_a_camera_all_the_same(corners):
+    shape = of(Mesh(np.array(corners, float), [[0, 1, 2]]))
+    assert shape.plane is None and shape.radius > 0
+    stand = impostor.facing(shape, np.array([0.3, 1.0, 0.1]))
+    assert np.isfinite([*stand.eye, *stand.half, stand.near, stand.far]).all() and min(stand.half) > 0
+
+
 def test_the_rectangle_of_a_flat_shape_is_its_smallest_and_lies_in_its_middle():
     pose = rigid()
     for corners in ([(0, 0), (2, 0), (2, 1), (0, 1)], [(0, 0), (2, 0), (2, 0.4), (0.3, 1)]):
