@@ -100,10 +100,10 @@ def paint(d: np.ndarray) -> np.ndarray:
     return np.where(d[:, 2:] < -1e-6, ground, 0.5 + 0.2 * np.maximum(d[:, 2:], 0))
 
 
-def on_the_ground() -> Scene:
-    """A mirror ball over 4 x 4 m of a ground that goes on in the panorama."""
+def on_the_ground(lighter: float = 0.0) -> Scene:
+    """A mirror ball over 4 x 4 m of a ground that goes on in the panorama; `lighter` than there by so much."""
     mesh = subdivided(quad((-2, -2, 0), (4, 0, 0), (0, 4, 0)), 0.08)
-    ground = Object("ground", Mesh(mesh.vertices, mesh.faces, radiance=pattern(*mesh.vertices.T[:2])), "goes on")
+    ground = Object("ground", Mesh(mesh.vertices, mesh.faces, radiance=pattern(*mesh.vertices.T[:2]) + lighter), "goes on")
     around = Environment.painted(paint, 512, tuple(GROUND_CENTRE), "ground")
     camera = still((0.3, -2.4, 1.2), (0.0, 0.0, 0.45))
     return scene((ground,), (mirror_ball(center=(0.3, 0.1, 0.45), radius=0.4),), camera, environment=around)

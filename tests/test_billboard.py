@@ -207,7 +207,11 @@ def test_i03_a_quad_that_is_seen_edge_on_is_missed_and_nothing_is_infinite():
         t, value = np.array(hit.t), np.array(hit.value)
         assert np.isfinite(value).all() and not np.isnan(t).any()
         assert np.isinf(t[np.abs(slant) < billboard.PARALLEL]).all()
-    # Just below it, at a slant that is no longer parallel, it is there.
+    # From just below it: a quotient of two numbers of no precision is no hit.
+    tiny = np.array([1e-9, 1e-7, -9e-7])
+    o = np.column_stack([np.full(3, -3.0), np.full(3, 0.2), -3.0 * tiny])
+    assert np.isinf(np.array(met(made, [0] * 3, o, np.column_stack([np.ones(3), np.zeros(3), tiny])).t)).all()
+    # At a slant that is no longer parallel it is there.
     o = np.array([(-3.0, 0.2, -3.0 * 1e-4 / np.sqrt(1 - 1e-8))])
     assert np.array(met(made, [0], o, d[7:8]).t)[0] == pytest.approx(3.0, rel=1e-3)
 
