@@ -1,4 +1,4 @@
-"""Scenes that depth maps as impostors are tested on: balls, fields of hills and combs before mirrors, light given, not baked."""
+"""Scenes that depth maps as impostors are tested on: balls, fields of hills and combs before mirrors, light given."""
 
 from __future__ import annotations
 
