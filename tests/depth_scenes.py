@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from mirror_room import ball, mirror_ball, plain, scene, smooth, still
+from mirror_room import ball, mirror_ball, plain, scene, smooth, still, walls
 from small_room import box, quad, sphere
 
 from benchharness.scene import Mesh, Object, Reflector, Scene, merged
@@ -105,3 +105,55 @@ def comb(teeth: int = 24) -> Mesh:
         x = 0.04 * (k - 0.5 * (teeth - 1))
         bars.append(box((x - 0.005, -0.02, -0.4), (x + 0.005, 0.02, 0.4)))
     return plain(merged(*bars), GREEN)
+
+
+def before_a_comb() -> Scene:
+    """A mirror ball between the teeth of a comb and the eye; more teeth side by side than rows of few points have spans."""
+    comb_ = thing(comb().transformed(moved(0.0, -1.4, 0.0)))
+    return before_grey([comb_], [mirror_ball("mirror", radius=0.5, fine=192)], view((0.0, -0.6, 3.0), (0.0, -0.3, 0.0), 14.0))
+
+
+def egg(middle=(1.0, 0.0, 1.0)) -> Scene:
+    """A convex body, of smooth colours, beside a mirror ball."""
+    points = ball(0.4, (0, 0, 0), GREY, 4)
+    v = points.vertices * [1.3, 0.8, 1.0]
+    body = Mesh(v + middle, points.faces, radiance=smooth(3 * v))
+    mirror = mirror_ball("mirror", radius=1.0, fine=192)
+    return before_grey([thing(body)], [mirror], view((-1.0, 0.0, 3.8), (0.5, 0.0, 0.5), fov_deg=16.0))
+
+
+def halves(motion, mirror_motion=None) -> Scene:
+    """A ball, half red and half green, and a mirror ball, both of which may move; a frame a second."""
+    made = ball(0.3, (0, 0, 0), GREEN, 4)
+    made = Mesh(made.vertices, made.faces, radiance=np.where(made.vertices[:, :1] > 0, RED, GREEN))
+    mirror = mirror_ball("mirror", radius=1.0, fine=192, motion=mirror_motion)
+    return before_grey([thing(made, motion=motion)], [mirror], frames=4, fps=1.0)
+
+
+def turned(degrees: float, shift=(0.0, 0.0, 0.0)) -> np.ndarray:
+    """About the y axis, then shifted."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    pose = np.eye(4)
+    pose[:3, :3] = [[c, 0, s], [0, 1, 0], [-s, 0, c]]
+    pose[:3, 3] = shift
+    return pose
+
+
+def in_a_room(*reflectors: Reflector, balls_at=((0.0, -0.9, 0.55), (0.0, 0.1, 0.85)), **more) -> Scene:
+    """Mirrors in a room of smooth colours, with a red and a green ball."""
+    colours = (("red", RED), ("green", GREEN))
+    things = [thing(ball(0.15, at, c, 4), name) for at, (name, c) in zip(balls_at, colours, strict=True)]
+    camera = more.pop("camera", view((0.0, -2.2, 0.5), fov_deg=40.0, up=(0.0, 0.0, 1.0)))
+    return scene((walls(4.0), *things), reflectors, camera, **more)
+
+
+def two_in_one() -> Scene:
+    """Two mirror balls that are one mirror."""
+    one, other = (sphere(0.5, (x, 0, 0), slices=128, stacks=64) for x in (-0.6, 0.6))
+    return in_a_room(Reflector("mirror", merged(one, other)))
+
+
+def pair() -> Scene:
+    """Two mirror balls close together, and two balls before them."""
+    left, right = mirror_ball("left", (-0.45, 0, 0), 0.4, 128), mirror_ball("right", (0.45, 0.1, 0), 0.4, 128)
+    return in_a_room(left, right, balls_at=((0.3, -0.75, 0.1), (-0.3, -0.6, 0.4)))

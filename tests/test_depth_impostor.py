@@ -7,9 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from depth_scenes import (
-    GREEN, GREY, RED, along_the_axis, ball_before_plate, field_before_mirror, mirrors_on_both_sides, off_axis,
-    red_backed_ball, view,
-)  # fmt: skip
+    GREEN,
+    GREY,
+    RED,
+    along_the_axis,
+    ball_before_plate,
+    field_before_mirror,
+    mirrors_on_both_sides,
+    off_axis,
+    red_backed_ball,
+    view,
+)
 from mirror_room import shaded
 from scipy.ndimage import binary_erosion
 from touching_ball import contact_gap_px, image, overlap, touching_ball
@@ -138,7 +146,7 @@ def test_i14_parts_at_different_depths_are_joined_by_a_skin_unless_split():
 
 
 def test_i19_a_mirror_on_the_far_side_sees_no_false_front():
-    """The map is taken from the larger mirror ball; in the smaller one the ball's back is not there, and with two maps it is."""
+    """The map is taken from the larger mirror ball; the smaller one does not show the ball's back; with two maps it does."""
     made = replace(mirrors_on_both_sides(), camera=view((0.3, 0.0, 6.0), (1.1, 0.0, 0.0), fov_deg=8.0))
     exact, one, two, six = answers(made, *(DepthImpostor(maps=n) for n in (1, 2, 6)))
     right = np.array(exact.frame.p.x).reshape(exact.active.shape) > 0.5
