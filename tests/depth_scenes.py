@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from mirror_room import ball, mirror_ball, plain, scene, smooth, still, walls
 from small_room import box, quad, sphere
 
 from benchharness.scene import Mesh, Object, Reflector, Scene, merged
+from scenes import bunnies, creature
+from scenes.shapes import placed
 
 RED, GREEN, GREY = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.25, 0.25, 0.25)
 
@@ -157,3 +161,12 @@ def pair() -> Scene:
     """Two mirror balls close together, and two balls before them."""
     left, right = mirror_ball("left", (-0.45, 0, 0), 0.4, 128), mirror_ball("right", (0.45, 0.1, 0), 0.4, 128)
     return in_a_room(left, right, balls_at=((0.3, -0.75, 0.1), (-0.3, -0.6, 0.4)))
+
+
+def hares(cell: float = 0.012) -> Scene:
+    """The two bunnies of `scenes.bunnies`, which intersect, coarser, of smooth colours, on a floor."""
+    furry = placed(creature.hare(cell), scale=bunnies.SCALE).transformed(bunnies.Walk()(0.0))
+    mirror = placed(creature.body(cell), turn_deg=bunnies.MIRROR_DEG)
+    things = [(furry, "furry"), (bunnies.floor(6), "floor")]
+    objects = [thing(replace(mesh, radiance=smooth(mesh.vertices, 0.1)), name) for mesh, name in things]
+    return scene(objects, [Reflector("mirror", mirror)], bunnies.Orbit(), background=GREY)
