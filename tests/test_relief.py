@@ -105,6 +105,19 @@ def test_rows_agree_with_texels_and_look_at_less(eggs):
     assert total(texels, "spans_dropped") == 0
 
 
+def test_a_row_shows_nothing_where_the_picture_is_empty():
+    """It lies beside the ray's image, and may reach farther than the body there; all radiance here is 0.25 or more."""
+    (found,) = answers(egg(), DepthImpostor(maps=6), size=(360, 256))
+    assert found.L[found.active].min() > 0.249
+
+
+def test_the_row_may_go_through_the_start_of_the_image():
+    """Farther from it: with few rotations more of the outline is off."""
+    exact, *found = answers(egg(), RayTraced(), *(DepthImpostor(rotations=9, anchor=a) for a in ("mid", "start")))
+    off = [(there(a) ^ there(exact)).sum() for a in found]
+    assert off[0] < off[1] < 0.3 * there(exact).sum()
+
+
 def test_a_comb_has_more_spans_than_rows_have_points():
     made = before_a_comb()
     exact, few, many, texels = answers(
