@@ -127,9 +127,9 @@ def egg(middle=(1.0, 0.0, 1.0)) -> Scene:
 
 
 def halves(motion, mirror_motion=None) -> Scene:
-    """A ball, half red and half green, and a mirror ball, both of which may move; a frame a second."""
+    """An egg, half red and half green, and a mirror ball, both of which may move; a frame a second."""
     made = ball(0.3, (0, 0, 0), GREEN, 4)
-    made = Mesh(made.vertices, made.faces, radiance=np.where(made.vertices[:, :1] > 0, RED, GREEN))
+    made = Mesh(made.vertices * [1.5, 0.8, 0.8], made.faces, radiance=np.where(made.vertices[:, :1] > 0, RED, GREEN))
     mirror = mirror_ball("mirror", radius=1.0, fine=192, motion=mirror_motion)
     return before_grey([thing(made, motion=motion)], [mirror], frames=4, fps=1.0)
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from answers import picture
 from depth_scenes import (
+    GREEN,
     RED,
     before_a_comb,
     before_grey,
@@ -93,6 +94,19 @@ def test_the_nearest_hit_counts_whatever_the_order_of_the_maps(eggs):
     assert np.array_equal(found[0].distance, found[1].distance)
     assert differ(*found, by=0).mean() < 1e-4  # maps that meet at the same distance, to the bit
     assert total(found[0], "depth_steps") < 6 * total(one, "depth_steps") + 6 * SIZE[0] * SIZE[1]
+
+
+def test_a_plane_before_a_body_hides_it_and_behind_is_hidden_by_it():
+    """Planes are billboards: whichever is nearer along the ray is shown."""
+    made = egg((1.6, 0.0, 1.6))
+    for away, seen in ((1.4, True), (3.0, False)):
+        way = np.array([1.0, 0.0, 1.0]) / np.sqrt(2)
+        plate = plain(sheet(0.12, way).mesh.transformed(moved(*(away * way))), GREEN)
+        both = replace(made, objects=(*made.objects, thing(plate, "plate")))
+        exact, found = answers(both, RayTraced(), DepthImpostor())
+        assert differ(found, exact, 0.1).sum() < 0.05 * there(exact).sum()
+        green = there(exact) & (np.abs(exact.L - GREEN).max(axis=-1) < 0.01)
+        assert green.any() == seen
 
 
 # Rows and texels
