@@ -18,7 +18,7 @@ import mitsuba as mi
 from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection
-from benchharness.kernels import bounces, imagewise
+from benchharness.kernels import bounces, imagewise, roles
 from benchharness.scene import Scene
 
 
@@ -34,6 +34,7 @@ class BillboardImpostor(Method):
     """
     resolution   texels across a picture, a power of two
     mip          trilinear lookup in a mip pyramid of the pictures; else bilinear in the finest level
+    planes       texels across the picture of a flat part, of which there is one for all mirrors; a power of two
     environment  texels per edge of a face of the environment map, where one is taken
     others       what other mirrors are: "reflective" billboards, "black" ones, or "omitted"
     walls        height in metres of the walls in which the ground's picture passes into the environment; 0 for none. Only for
@@ -43,6 +44,7 @@ class BillboardImpostor(Method):
 
     resolution: Annotated[int, Field(ge=8, le=4096)] = 256
     mip: bool = True
+    planes: Annotated[int, Field(ge=8, le=4096)] = 512
     environment: Annotated[int, Field(ge=4, le=4096)] = 256
     others: Literal["reflective", "black", "omitted"] = "reflective"
     walls: Annotated[float, Field(ge=0)] = 0.0
@@ -51,15 +53,16 @@ class BillboardImpostor(Method):
     paper: ClassVar[str] = "Popescu et al. 2006 (billboards)"
 
     def __post_init__(self) -> None:
-        if self.resolution & (self.resolution - 1):
-            raise ValueError(f"billboard_impostor: resolution is {self.resolution}; accepted: a power of two, such as 256")
+        for name, value in (("resolution", self.resolution), ("planes", self.planes)):
+            if value & (value - 1):
+                raise ValueError(f"billboard_impostor: {name} is {value}; accepted: a power of two, such as 256")
 
     def prepare(self, scene: Scene) -> State:
-        planned = imagewise.plan(scene, 0, 0, self.others != "omitted", imagewise.ground_of(scene) if self.walls > 0 else None)
+        planned = roles.plan(scene, 0, 0, self.others != "omitted", roles.ground_of(scene) if self.walls > 0 else None)
         return State(imagewise.stage(scene, planned), imagewise.nothing(planned), None)
 
     def update(self, state: State, frame: Frame) -> State:
-        options = imagewise.Options(self.resolution, self.mip, self.environment, 0.0, self.walls)
+        options = imagewise.Options(self.resolution, self.planes, self.mip, self.environment, 0.0, self.walls)
         taken = imagewise.retaken(state.stage, state.taken, frame.poses, options)
         return State(state.stage, taken, imagewise.cast(state.stage, taken, frame.poses, options, state.cast))
 

@@ -20,7 +20,7 @@ import numpy as np
 from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection
-from benchharness.kernels import bounces, imagewise
+from benchharness.kernels import bounces, imagewise, roles
 from benchharness.scene import Scene
 
 
@@ -44,6 +44,7 @@ class DepthImpostor(Method):
     split_jump   step of depth, of the map's whole range, above which neighbours are not one surface; 0: they always are
     turn         degrees that the mirror may move around an object before its maps are taken again
     mip          trilinear lookup in a mip pyramid of the pictures; else bilinear in the finest level
+    planes       texels across the picture of a flat part, of which there is one for all mirrors; a power of two
     environment  texels per edge of a face of the environment map, where one is taken
     others       what other mirrors are: "reflective", "black", or "omitted"
     walls        height in metres of the walls in which the ground's picture passes into the environment; 0 for none
@@ -60,6 +61,7 @@ class DepthImpostor(Method):
     split_jump: Annotated[float, Field(ge=0, le=1)] = 0.0
     turn: Annotated[float, Field(ge=0, le=180)] = 0.0
     mip: bool = True
+    planes: Annotated[int, Field(ge=8, le=4096)] = 512
     environment: Annotated[int, Field(ge=4, le=4096)] = 256
     others: Literal["reflective", "black", "omitted"] = "reflective"
     walls: Annotated[float, Field(ge=0)] = 0.0
@@ -68,17 +70,18 @@ class DepthImpostor(Method):
     paper: ClassVar[str] = "Popescu et al. 2006 (depth maps)"
 
     def __post_init__(self) -> None:
-        if self.resolution & (self.resolution - 1):
-            raise ValueError(f"depth_impostor: resolution is {self.resolution}; accepted: a power of two, such as 256")
+        for name, value in (("resolution", self.resolution), ("planes", self.planes)):
+            if value & (value - 1):
+                raise ValueError(f"depth_impostor: {name} is {value}; accepted: a power of two, such as 256")
 
     def prepare(self, scene: Scene) -> State:
-        ground = imagewise.ground_of(scene) if self.walls > 0 else None
-        planned = imagewise.plan(scene, self.maps, self.own_maps, self.others != "omitted", ground)
+        ground = roles.ground_of(scene) if self.walls > 0 else None
+        planned = roles.plan(scene, self.maps, self.own_maps, self.others != "omitted", ground)
         return State(imagewise.stage(scene, planned), imagewise.nothing(planned), None)
 
     def update(self, state: State, frame: Frame) -> State:
         options = imagewise.Options(
-            self.resolution, self.mip, self.environment, float(np.radians(self.turn)), self.walls,
+            self.resolution, self.planes, self.mip, self.environment, float(np.radians(self.turn)), self.walls,
             self.rotations, self.points if self.intersector == "srdm" else 0, self.split_jump,
         )  # fmt: skip
         taken = imagewise.retaken(state.stage, state.taken, frame.poses, options)

@@ -5,7 +5,8 @@ a line, and its image is bent by a body with ears, hollows and creases that mirr
 only the eye moves; in the second the furry bunny goes through the front of the other one, from one side to the other, and
 the line with it.
 
-The mirror is not convex, nor star-shaped, and most points have several reflections in it.
+The mirror is not convex, nor star-shaped, and most points have several reflections in it. Light and shadows are baked as
+things stand at first, and stay behind where the bunny was; a large soft sun keeps them pale.
 
 `lean` has 6,300 vertices for each bunny. Popescu et al. took the Stanford bunny and say nothing of its detail; `paper` has as
 many as the full scan of that bunny, 35,947, within 1 %.
@@ -22,27 +23,17 @@ from benchharness.scene import Camera, Environment, Mesh, Object, Reflector, Sce
 from scenes import creature
 from scenes.courtyard import METALS
 from scenes.meadow import meadow
-from scenes.shapes import gently, mixed, placed, pose, tiles, way_to
+from scenes.shapes import from_rest_to_rest, gently, mixed, placed, pose, tiles, way_to
 
 DetailName = Literal["lean", "paper"]
 
 
-@dataclass(frozen=True)
-class Detail:
-    """How finely the scene is modelled.
-
-    cell      width of the grid's cells that the bunnies are made from, metres
-    tiles     tiles along each side of the floor
-    panorama  rows of the meadow's picture
-    """
-
-    cell: float
-    tiles: int
-    panorama: int
-
-
-DETAILS: dict[str, Detail] = {"lean": Detail(0.0066, 18, 768), "paper": Detail(0.002775, 18, 768)}
-
+CELLS: dict[str, float] = {"lean": 0.0066, "paper": 0.002775}
+"""Width of the grid's cells that the bunnies are made from, metres."""
+TILES = 18
+"""Along each side of the floor."""
+ROWS = 768
+"""Of the panorama."""
 MIRROR_DEG = 16.0
 """How far the mirror-like bunny, at the origin, is turned to the right of the picture."""
 SCALE = 0.86
@@ -66,21 +57,21 @@ def bunnies(detail: DetailName = "lean", moving: bool = True) -> Scene:
         raise ValueError(f"bunnies: detail is {detail!r}; accepted: {', '.join(get_args(DetailName))}")
     if not isinstance(moving, bool):
         raise ValueError(f"bunnies: moving is {moving!r}; accepted: true or false")
-    d = DETAILS[detail]
-    walk, furry = Walk(), placed(creature.hare(d.cell), scale=SCALE)
+    cell = CELLS[detail]
+    walk, furry = Walk(), placed(creature.hare(cell), scale=SCALE)
     shows = "cut by the mirror: meets its own image along a line that travels as it moves"
-    mirror = placed(creature.body(d.cell), turn_deg=MIRROR_DEG)
+    mirror = placed(creature.body(cell), turn_deg=MIRROR_DEG)
     scene = Scene(
         name="bunnies",
         objects=(
             Object("bunny", furry, shows, walk) if moving else Object("bunny", furry.transformed(walk(0.0)), shows),
-            Object("floor", floor(d.tiles), "straight lines and even steps, which show how the mirror bends what it shows"),
+            Object("floor", floor(TILES), "straight lines and even steps, which show how the mirror bends what it shows"),
         ),
-        reflectors=(Reflector("mirror bunny", mirror, None, *METALS["silver"]),),
+        reflectors=(Reflector("mirror bunny", mirror, mirror, *METALS["silver"]),),
         camera=Orbit(),
         frames=FRAMES,
         fps=FPS,
-        environment=Environment.painted(meadow, d.panorama, centre=(0.0, 0.0, 0.15)),
+        environment=Environment.painted(meadow, ROWS, centre=(0.0, 0.0, 0.15)),
         exposure=0.0,
         detail=detail,
     )
@@ -123,7 +114,7 @@ class Walk:
     duration: float = (FRAMES - 1) / FPS - HALF
 
     def __call__(self, time: float) -> np.ndarray:
-        s = gently(max(0.0, time - self.start), self.duration)
+        s = from_rest_to_rest(time - self.start, self.duration)
         x, y, _ = (self.distance * way_to(mixed(self.azimuth_deg, s), 0.0)).tolist()
         return pose((x, y, 0.0), mixed(self.turn_deg, s))
 

@@ -24,9 +24,10 @@ BLACK: Colour = (0.055, 0.055, 0.06)
 CENTRE = (0.0, 0.0, 0.30)
 """Where the panorama is taken, metres."""
 LIGHT: Colour = (1.820, 1.807, 1.881)
-"""Irradiance of the open floor over π: the radiance of a white floor under the panorama's upper half."""
+"""Irradiance of the open floor over π: the radiance of a white floor under the panorama's upper half, measured: it is
+painted into the lower half, and has to be measured again when the sky or the walls change."""
 ROWS = 768
-"""Of the panorama: one sample is 0.18 degrees, 2.5 pixels of the pictures."""
+"""Of the panorama: one sample is 0.23 degrees, 3.4 pixels of the pictures."""
 EXPOSURE = -0.85
 """Stops: the white squares in the sun come out a little below white."""
 
@@ -34,11 +35,11 @@ Metal = tuple[Colour, Colour] | tuple[None, None]
 METALS: dict[str, Metal] = {
     "silver": ((0.155, 0.117, 0.138), (4.828, 3.122, 2.147)),
     "gold": ((0.143, 0.375, 1.442), (3.983, 2.386, 1.603)),
-    "copper": ((0.200, 0.924, 1.102), (3.913, 2.453, 2.142)),
+    "copper": ((0.201, 0.924, 1.102), (3.913, 2.453, 2.142)),
     "ideal": (None, None),
 }
-"""Complex index of refraction, eta and k, for red, green and blue (Johnson and Christy 1972 for gold and copper, Palik 1985
-for silver, as used in Mitsuba's `Au`, `Cu`, `Ag`); "ideal" reflects everything."""
+"""Complex index of refraction, eta and k, for red, green and blue (as used in Mitsuba's `Ag`, `Au`, `Cu`); "ideal" reflects
+everything."""
 
 
 def floor() -> Object:

@@ -4,8 +4,8 @@ After figure 4 of Popescu et al. 2006: what the pots show is a statue, a table t
 one shows, and a room far away. In the first half only the eye moves, around the table; in the second the statue is pushed
 from behind the pots to before them, and turned.
 
-`lean` has 6,600 vertices for the statue and 3,800 for each pot. The paper says nothing of its meshes; `paper` is twice as fine
-along each direction: four times the vertices.
+`lean` has 6,900 vertices for the statue and 4,500 for each pot. The paper says nothing of its meshes; `paper` is twice as fine
+along each direction: 25,900 and 16,700.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from scenes.angel import angel
 from scenes.courtyard import METALS
 from scenes.parlour import parlour
 from scenes.pottery import Fineness, teapot
-from scenes.shapes import box, gently, mixed, placed, pose, sheet, steps, way_to
+from scenes.shapes import box, from_rest_to_rest, gently, mixed, placed, pose, sheet, steps, way_to
 
 DetailName = Literal["lean", "paper"]
 
@@ -33,22 +33,24 @@ class Detail:
     cell      width of the grid's cells that the statue is made from, metres
     pot       of each teapot
     board     distance of base vertices on the table top, metres
-    panorama  rows of the room's picture
     """
 
     cell: float
     pot: Fineness
     board: float
-    panorama: int
 
 
 DETAILS: dict[str, Detail] = {
-    "lean": Detail(0.0039, Fineness(72, 6, 20, 16, 16, 22), 0.036, 768),
-    "paper": Detail(0.00195, Fineness(144, 12, 40, 32, 32, 44), 0.018, 768),
+    "lean": Detail(0.0039, Fineness(72, 6, 20, 16, 16, 22), 0.036),
+    "paper": Detail(0.00195, Fineness(144, 12, 40, 32, 32, 44), 0.018),
 }
 
 TABLE = (-0.46, 0.46, -0.30, 0.30)
 """The table top, which is z = 0: x from, to, y from, to, metres."""
+CENTRE = (0.0, 0.0, 0.1)
+"""Where the panorama is taken, metres."""
+ROWS = 768
+"""Of the panorama."""
 BOARDS = 7
 """Of which it is made, along x."""
 SCALE = 0.78
@@ -88,13 +90,14 @@ def statue(detail: DetailName = "lean", moving: bool = True) -> Scene:
             Object("table edge", edge(d.board), "gives the table a thickness, in the picture and in the mirrors"),
         ),
         reflectors=tuple(
-            Reflector(f"{metal} teapot", placed(pot, (x, y, -SUNK), turn_deg), None, *METALS[metal])
+            Reflector(f"{metal} teapot", mesh, mesh, *METALS[metal])
             for metal, (x, y, turn_deg) in POTS.items()
+            for mesh in [placed(pot, (x, y, -SUNK), turn_deg)]
         ),
         camera=Orbit(),
         frames=FRAMES,
         fps=FPS,
-        environment=Environment.painted(parlour(d.panorama), d.panorama, centre=(0.0, 0.0, 0.1)),
+        environment=Environment.painted(parlour(ROWS), ROWS, CENTRE),
         exposure=0.0,
         detail=detail,
     )
@@ -110,7 +113,7 @@ class Orbit:
     """
 
     target: tuple[float, float, float] = (0.0, 0.0, 0.105)
-    azimuth_deg: tuple[float, float] = (-122.0, -80.0)
+    azimuth_deg: tuple[float, float] = (-63.0, -97.0)
     elevation_deg: tuple[float, float] = (11.0, 15.5)
     distance: tuple[float, float] = (1.16, 1.06)
     duration: float = HALF
@@ -127,13 +130,13 @@ class Push:
     """The statue's way on the table, straight from `away[0]` to `away[1]` (x, y), turning from and to `turn_deg` from where
     it looks along -y; it rests until `start` seconds."""
 
-    away: tuple[tuple[float, float], tuple[float, float]] = ((-0.015, 0.135), (0.030, -0.145))
-    turn_deg: tuple[float, float] = (-12.0, 78.0)
+    away: tuple[tuple[float, float], tuple[float, float]] = ((0.010, 0.135), (-0.025, -0.150))
+    turn_deg: tuple[float, float] = (8.0, 68.0)
     start: float = HALF
     duration: float = (FRAMES - 1) / FPS - HALF
 
     def __call__(self, time: float) -> np.ndarray:
-        s = gently(max(0.0, time - self.start), self.duration)
+        s = from_rest_to_rest(time - self.start, self.duration)
         (x0, y0), (x1, y1) = self.away
         return pose((mixed((x0, x1), s), mixed((y0, y1), s), -SUNK), mixed(self.turn_deg, s))
 

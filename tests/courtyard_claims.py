@@ -5,6 +5,8 @@ from __future__ import annotations
 import pickle
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from benchharness.inside import check_cameras
 from benchharness.kernels.geometry import closed_faces
@@ -22,9 +24,14 @@ def face_normals(mesh: Mesh) -> np.ndarray:
     return np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
 
 
-def volume(mesh: Mesh) -> float:
+def volumes(mesh: Mesh) -> list[float]:
+    """Of each piece that hangs together, vertices at the same place counting as one: negative where it is inside out."""
+    weld = np.unique(mesh.vertices.round(9), axis=0, return_inverse=True)[1].reshape(-1)
+    corners = weld[mesh.faces]
+    edges = (np.ones(2 * len(corners)), np.concatenate([corners[:, :2], corners[:, 1:]]).T)
+    count, piece = connected_components(coo_array(edges, shape=(weld.max() + 1, weld.max() + 1)), directed=False)
     a, b, c = mesh.vertices[mesh.faces].swapaxes(0, 1)
-    return float((a * np.cross(b, c)).sum() / 6)
+    return np.bincount(piece[corners[:, 0]], (a * np.cross(b, c)).sum(axis=1) / 6, count).tolist()
 
 
 def moved(part, scene: Scene, frame: int) -> np.ndarray:
@@ -32,11 +39,12 @@ def moved(part, scene: Scene, frame: int) -> np.ndarray:
     return part.mesh.vertices @ pose[:3, :3].T + pose[:3, 3]
 
 
-def mirrors_are_closed_and_their_normals_unit_and_outward(scene: Scene) -> None:
+def mirrors_are_closed_and_their_normals_unit_and_outward(scene: Scene, pieces: int = 1) -> None:
     for r in scene.reflectors:
         assert closed_faces(r.mesh.vertices, r.mesh.faces).all(), r.name
         assert r.closed is r.mesh
-        assert volume(r.mesh) > 0
+        assert len(volumes(r.mesh)) == pieces
+        assert min(volumes(r.mesh)) > 0
         assert np.allclose(np.linalg.norm(r.mesh.normals, axis=1), 1, atol=1e-12)
         n = face_normals(r.mesh)
         area = np.linalg.norm(n, axis=1)

@@ -12,7 +12,7 @@ import trimesh
 from benchharness.inside import check_cameras, winding_number
 from benchharness.scene import Mesh, Scene
 from scenes import creature
-from scenes.bunnies import DETAILS, MIRROR_DEG, SCALE, bunnies
+from scenes.bunnies import CELLS, MIRROR_DEG, SCALE, bunnies
 from scenes.implicit import field, gradient
 from scenes.meadow import SUN_DEG, meadow
 from scenes.shapes import pose, way_to
@@ -55,7 +55,7 @@ def test_there_are_enough_vertices_and_not_too_many():
 
 def test_paper_detail_has_the_stanford_bunnys_vertices():
     # The full scan of the Stanford 3D Scanning Repository has 35,947.
-    assert len(creature.body(DETAILS["paper"].cell).vertices) == pytest.approx(35947, rel=0.01)
+    assert len(creature.body(CELLS["paper"]).vertices) == pytest.approx(35947, rel=0.01)
 
 
 def test_the_scene_says_what_was_asked_for():
@@ -106,8 +106,8 @@ def test_the_mirror_has_no_handle():
 
 
 def test_vertices_are_on_the_surface_and_so_are_faces_to_a_part_of_a_cell():
-    mesh, blobs = creature.body(DETAILS["lean"].cell), creature.blobs()
-    cell = DETAILS["lean"].cell
+    mesh, blobs = creature.body(CELLS["lean"]), creature.blobs()
+    cell = CELLS["lean"]
     assert abs(field(blobs, mesh.vertices)).max() < 1e-9 * cell
     f, g = gradient(blobs, mesh.vertices[mesh.faces].mean(axis=1))
     away = abs(f) / np.linalg.norm(g, axis=1)
@@ -118,7 +118,7 @@ def test_vertices_are_on_the_surface_and_so_are_faces_to_a_part_of_a_cell():
 
 
 def test_normals_are_unit_outward_and_those_of_the_smooth_surface():
-    body = creature.body(DETAILS["lean"].cell)
+    body = creature.body(CELLS["lean"])
     g = gradient(creature.blobs(), body.vertices)[1]
     assert np.allclose(body.normals, g / np.linalg.norm(g, axis=1, keepdims=True), atol=1e-12)
     for p in built().parts:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 import pytest
 
 from benchharness.bake import bake
-from benchharness.panorama import Environment, sample_directions
+from benchharness.panorama import sample_directions
 from benchharness.scene import Scene
 from scenes import brushes, courtyard, surroundings
 from scenes.courtyard import BLACK, CENTRE, LIGHT, SIDE, SQUARE, WHITE
@@ -60,30 +58,22 @@ def test_ripples_vary_by_about_one_and_are_the_same_again():
 # Pictures
 
 
-@cache
-def painted(name: str) -> Environment:
-    if name == "gallery":
-        return courtyard.environment()
-    return Environment.painted(surroundings.room(height=256), 256)
-
-
-@pytest.mark.parametrize("name", ["gallery", "room"])
-def test_a_panorama_is_finite_and_positive_and_of_one_colour_at_each_pole(name):
-    radiance = painted(name).radiance
+def test_the_panorama_is_finite_and_positive_and_of_one_colour_at_each_pole():
+    radiance = courtyard.environment().radiance
     assert np.isfinite(radiance).all()
     assert radiance.min() > 0.004
     assert radiance.max() < 120
     assert np.ptp(radiance[0], axis=0).max() < 1e-3
 
 
-@pytest.mark.parametrize("painter", [
-    lambda height: surroundings.room(height=height),
-    lambda height: surroundings.gallery(surroundings.Ground(0.1875, (WHITE, BLACK), LIGHT), 0.3, height),
-])  # fmt: skip
-def test_a_coarse_panorama_is_the_mean_of_a_fine_one(painter):
-    # What is painted has the width of a sample: blocks of 3 x 3 rows and columns about a sample agree with it, but for
-    # corners and for vertical edges of walls. Without footprints the mean difference is twice as large and more.
+def test_a_coarse_panorama_is_the_mean_of_a_fine_one():
+    # What is painted has the width of a sample: the mean of 3 x 3 directions about a sample agrees with it, but for corners
+    # and vertical edges of walls. Without footprints, points of a fine panorama, the mean difference is almost three times.
     coarse, times = 128, 3
+
+    def painter(height: int):
+        return surroundings.gallery(surroundings.Ground(SQUARE, (WHITE, BLACK), LIGHT), CENTRE[2], height)
+
     directions = sample_directions(coarse, 2 * coarse).reshape(-1, 3)
     theta = np.pi * np.arange(coarse) / (coarse - 1)
     one = painter(coarse)(directions).reshape(coarse, 2 * coarse, 3)
@@ -97,26 +87,16 @@ def test_a_coarse_panorama_is_the_mean_of_a_fine_one(painter):
     rows = slice(coarse // 8, -coarse // 8)
     error = abs(np.minimum(one, 3) - np.minimum(mean, 3))[rows].mean()
     jagged = abs(np.minimum(sharp(directions).reshape(one.shape), 3) - np.minimum(mean, 3))[rows].mean()
-    assert error < 0.5 * jagged
+    assert error < 0.41 * jagged
 
 
 def test_the_sky_is_brighter_than_the_stone_and_one_side_is_in_the_sun():
     d = upward(np.arange(0.0, 360.0, 2.0), 70.0)
     sky = surroundings.sky(d).mean()
-    look = painted("gallery").lookup
+    look = courtyard.environment().lookup
     lit, dim = look(upward(np.arange(150.0, 210.0), 12.0)).mean(), look(upward(np.arange(-30.0, 30.0), 12.0)).mean()
     assert sky > 1.5 * lit > 3 * dim
     assert look(surroundings.SUN).min() > 8 * sky
-
-
-def test_the_room_is_lit_by_its_windows_and_its_lamp():
-    look, eye = painted("room").lookup, np.array([0.0, 0.0, 1.1])
-    away = [np.add(w, [0.0, 0.3, 0.0]) - eye for w in surroundings.WINDOWS]
-    lamp = np.array([surroundings.LAMP[0], surroundings.ROOM[1][1], surroundings.LAMP[2]]) - eye
-    wall = np.array([2.5, 2.2, 0.9])
-    assert min(look(d).min() for d in away) > 4
-    assert look(lamp)[0] > 2 * look(lamp)[2] > 0.5
-    assert look(wall).max() < 1
 
 
 # The floor and its continuation

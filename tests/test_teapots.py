@@ -70,7 +70,7 @@ def test_it_can_be_sent_to_another_process():
 
 @pytest.mark.parametrize("detail", ["lean", "paper"])
 def test_pots_are_closed_and_their_normals_unit_and_outward(detail):
-    claims.mirrors_are_closed_and_their_normals_unit_and_outward(built(detail))
+    claims.mirrors_are_closed_and_their_normals_unit_and_outward(built(detail), pieces=3)
 
 
 def test_normals_of_the_body_are_across_its_profile():

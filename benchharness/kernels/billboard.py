@@ -18,6 +18,8 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
+from benchharness.kernels.frozen import frozen
+
 NONE = 0xFFFF_FFFF  # no billboard
 PARALLEL = 1e-6  # a ray whose direction has less than this along a quad's normal misses it
 OPAQUE = 0.5  # coverage from which a texel stops a ray
@@ -27,11 +29,12 @@ COARSEST = 4  # texels across the last mip level
 @dataclass
 class Pictures:
     """Premultiplied packets (see `kernels.impostor`), mip levels of a slot one after the other, finest first, then the next
-    slot. `size`: texels across the finest level, a power of two; `mip`: whether there are others."""
+    slot. `size`: texels across the finest level, a power of two; `mip`: whether there are others; `first`: its first slot."""
 
     texels: mi.Float
     size: int
     mip: bool
+    first: int = 0
 
     @property
     def levels(self) -> int:
@@ -42,6 +45,7 @@ class Pictures:
         return sum((self.size >> level) ** 2 for level in range(self.levels))
 
 
+@frozen
 def with_levels(texels: mi.Float, size: int) -> mi.Float:
     """A picture with all its mip levels: each texel of a level is the mean of four of the one before."""
     levels = [texels]
@@ -61,7 +65,7 @@ def sample(pictures: Pictures, slot: mi.UInt32, x: mi.Float, y: mi.Float, level:
 
     level  0 is the finest; ignored for pictures without mip levels
     """
-    first = slot * pictures.texels_per_slot
+    first = (slot - pictures.first) * pictures.texels_per_slot
     if not pictures.mip:
         return _bilinear(pictures, first, mi.UInt32(pictures.size), x, y, active)
     level = dr.clip(level, 0, pictures.levels - 1)
@@ -114,8 +118,8 @@ class Spread:
     turn: list[mi.Vector3f]
 
     def at(self, t: mi.Float) -> mi.Float:
-        """Metres between neighbouring rays after t metres, the larger of the two."""
-        return dr.maximum(*(dr.norm(start + t * turn) for start, turn in zip(self.start, self.turn, strict=True)))
+        """Metres between neighbouring rays after t metres, the smaller of the two: what is drawn out stays sharp."""
+        return dr.minimum(*(dr.norm(start + t * turn) for start, turn in zip(self.start, self.turn, strict=True)))
 
 
 @dataclass
@@ -128,34 +132,42 @@ class Hit:
     tests: mi.UInt32
 
 
-def level_of(boards: Billboards, pictures: Pictures, slot: mi.UInt32, apart: mi.Float, active) -> mi.Float:
-    """The mip level of a slot at which texels are as wide as `apart`, metres."""
-    a = dr.gather(mi.Vector4f, boards.quads, slot * 4 + 1, active)
+def none() -> Hit:
+    """Nothing was met, and nothing tested."""
+    return Hit(mi.Float(dr.inf), mi.UInt32(NONE), mi.Vector4f(0), mi.UInt32(0))
+
+
+def level_of(pictures: Pictures, a: mi.Vector4f, apart: mi.Float) -> mi.Float:
+    """The mip level at which texels are as wide as `apart`, metres; `a`: the second packet of the quad."""
     return dr.log2(dr.maximum(apart * (0.5 * pictures.size) * dr.norm(a.xyz), 1e-9))
 
 
 @dr.syntax
 def nearest(
-    boards: Billboards, pictures: Pictures, columns: int, mirror: mi.UInt32, o, d, least, spread: Spread, active
+    boards: Billboards, pictures: Pictures, columns: int, mirror: mi.UInt32, o, d, least, spread: Spread, active, met=None
 ) -> Hit:
-    """Tests the ray o + t d, t > least, against the billboards in the first `columns` columns of a mirror's list."""
-    t, slot, value, tests = mi.Float(dr.inf), mi.UInt32(NONE), mi.Vector4f(0), mi.UInt32(0)
+    """Tests the ray o + t d, t > least, against the billboards in the first `columns` columns of a mirror's list.
+
+    met  what the ray has met already: returned with its tests where nothing is nearer
+    """
+    start = none() if met is None else met
+    t, slot, value, tests = mi.Float(start.t), mi.UInt32(start.slot), mi.Vector4f(start.value), mi.UInt32(start.tests)
     column = mi.UInt32(0)
     while dr.hint(active & (column < columns), label="billboards of a mirror"):
         candidate = dr.gather(mi.UInt32, boards.lists, mirror * boards.columns + column)
         listed = candidate != NONE
-        candidate = dr.select(listed, candidate, 0)
+        candidate = dr.select(listed, candidate, pictures.first)
         middle, a, b, k = (dr.gather(mi.Vector4f, boards.quads, candidate * 4 + i) for i in range(4))
         along = dr.dot(d, k.xyz)
-        met = dr.dot(mi.Vector3f(middle.xyz) - mi.Vector3f(o), k.xyz) / dr.select(dr.abs(along) < PARALLEL, dr.nan, along)
-        offset = mi.Vector3f(o) + met * d - mi.Vector3f(middle.xyz)
+        distance = dr.dot(mi.Vector3f(middle.xyz) - mi.Vector3f(o), k.xyz) / dr.select(dr.abs(along) < PARALLEL, dr.nan, along)
+        offset = mi.Vector3f(o) + distance * d - mi.Vector3f(middle.xyz)
         x, y = dr.dot(offset, a.xyz), dr.dot(offset, b.xyz)
-        inside = listed & (met > least) & (met < t) & (dr.abs(x) <= 1) & (dr.abs(y) <= 1)
-        level = level_of(boards, pictures, candidate, spread.at(met), inside)
-        found = sample(pictures, candidate, x, y, level, inside)
-        inside &= found.w > OPAQUE
-        t, slot = dr.select(inside, met, t), dr.select(inside, candidate, slot)
-        value = dr.select(inside, found * dr.rcp(dr.maximum(found.w, OPAQUE)), value)
+        inside = listed & (distance > least) & (distance < t) & (dr.abs(x) <= 1) & (dr.abs(y) <= 1)
+        if inside:  # most rays miss most quads
+            found = sample(pictures, candidate, x, y, level_of(pictures, a, spread.at(distance)), mi.Bool(True))
+            opaque = found.w > OPAQUE
+            t, slot = dr.select(opaque, distance, t), dr.select(opaque, candidate, slot)
+            value = dr.select(opaque, found * dr.rcp(dr.maximum(found.w, OPAQUE)), value)
         tests += dr.select(listed, mi.UInt32(1), 0)
         column += 1
     return Hit(t, slot, value, tests)

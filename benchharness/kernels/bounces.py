@@ -21,8 +21,15 @@ RAY_EPSILON = 1e-4  # start of a ray above the surface, relative to the size of 
 
 @dataclass
 class Cast:
-    """All that rays can meet. `metals`: as `optics.metals_of` has them."""
+    """All that rays can meet.
 
+    planes    billboards of flat parts, and their pictures
+    boards    billboards of other parts, which share the table of quads; pictures of those, and of the depth maps
+    metals    as `optics.metals_of` has them
+    """
+
+    planes: billboard.Billboards
+    plane_pictures: billboard.Pictures
     boards: billboard.Billboards
     pictures: billboard.Pictures
     reliefs: relief.Reliefs | None
@@ -75,11 +82,7 @@ def reflected(cast: Cast, view, frame: list, pixel: mi.UInt32, manner: Manner) -
     apart = _spread(frame, view, pixel, p, n, d, mirror) if manner.spread else _no_spread()
     met, work = _nearest(cast, manner, False, number, o, d, apart, mi.Bool(True))
 
-    direction, ground = backdrop.behind(cast.backdrop, o, d)
-    far = ~(met.t < ground) | (met.t == dr.inf)
-    L, distance = backdrop.look_up(cast.backdrop, number, direction, far)
-    L = dr.select(far, L, mi.Color3f(met.value.xyz))
-    distance = dr.select(far, dr.select(dr.isfinite(ground), ground, distance), met.t)
+    L, distance, far = _shown(cast, number, o, d, met, mi.Bool(True))
 
     other = dr.gather(mi.Float, cast.boards.quads, met.slot * 16 + 3, ~far)
     again = ~far & (other >= 0)
@@ -92,17 +95,33 @@ def reflected(cast: Cast, view, frame: list, pixel: mi.UInt32, manner: Manner) -
     return Answer(L, distance, again, tests, work)
 
 
+@dr.syntax
+def _shown(cast: Cast, mirror: mi.UInt32, o, d, met: billboard.Hit, active) -> tuple[mi.Color3f, mi.Float, mi.Bool]:
+    """What a ray shows that has met `met`, how far away that is, and whether it lies behind all impostors."""
+    L, distance = mi.Color3f(met.value.xyz), mi.Float(met.t)
+    direction, ground = backdrop.behind(cast.backdrop, o, d)
+    far = active & (~(met.t < ground) | (met.t == dr.inf))
+    if far:
+        L, away = backdrop.look_up(cast.backdrop, mirror, direction, mi.Bool(True))
+        distance = dr.select(ground < dr.inf, ground, away)
+    return L, distance, far
+
+
 def _nearest(cast: Cast, manner: Manner, objects: bool, mirror, o, d, apart, active) -> tuple[billboard.Hit, mi.UInt32]:
     """The nearest impostor along a ray from a mirror, of objects only or of all; and the work of looking in depth maps."""
-    columns = cast.boards.objects if objects else cast.boards.columns
-    met = billboard.nearest(cast.boards, cast.pictures, columns, mirror, o, d, mi.Float(0), apart, active)
+    met = billboard.none()
+    for boards, pictures in ((cast.planes, cast.plane_pictures), (cast.boards, cast.pictures)):
+        columns = boards.objects if objects else boards.columns
+        if columns > 0:
+            met = billboard.nearest(boards, pictures, columns, mirror, o, d, mi.Float(0), apart, active, met)
     reliefs = cast.reliefs
     if reliefs is None:
         return met, mi.UInt32(0)
     columns = reliefs.objects if objects else reliefs.columns
     deep = relief.nearest(reliefs, columns, mirror, o, d, met.t, manner.jump, manner.anchor, active)
     closer = active & (deep.t < dr.inf)
-    level = billboard.level_of(cast.boards, cast.pictures, deep.slot, apart.at(dr.select(closer, deep.t, 0)), closer)
+    a = dr.gather(mi.Vector4f, cast.boards.quads, deep.slot * 4 + 1, closer)
+    level = billboard.level_of(cast.pictures, a, apart.at(dr.select(closer, deep.t, 0)))
     value = billboard.sample(cast.pictures, deep.slot, deep.x, deep.y, level, closer)
     value *= dr.rcp(dr.maximum(value.w, LEAST_COVERAGE))
     hit = billboard.Hit(
@@ -111,22 +130,22 @@ def _nearest(cast: Cast, manner: Manner, objects: bool, mirror, o, d, apart, act
     return hit, deep.work
 
 
+@dr.syntax
 def _again(cast: Cast, manner: Manner, met: billboard.Hit, o, d, mirror: mi.UInt32, apart, active):
     """What a mirror in a picture sends back along a ray that met it; quads tested, and work in depth maps."""
-    a, b, k = (dr.normalize(dr.gather(mi.Vector4f, cast.boards.quads, met.slot * 4 + i, active).xyz) for i in (1, 2, 3))
-    n = met.value.x * a + met.value.y * b + met.value.z * k
-    n = dr.normalize(dr.select(active & (dr.squared_norm(n) > 1e-12), n, k))
-    n = dr.select(dr.dot(n, d) > 0, -n, n)
-    p = o + dr.select(active, met.t, 0) * d
-    out = optics.reflect(-d, mi.Normal3f(n))
-    start = _above(p, n)
-    found, work = _nearest(cast, manner, True, mirror, start, out, apart, active)
-    direction, ground = backdrop.behind(cast.backdrop, start, out)
-    far = active & (~(found.t < ground) | (found.t == dr.inf))
-    L, _ = backdrop.look_up(cast.backdrop, mirror, direction, far)
-    L = dr.select(far, L, mi.Color3f(found.value.xyz))
-    dimmed = optics.reflectance(cast.metals, mirror, dr.clip(-dr.dot(n, d), 0, 1), active)
-    return L * dimmed, found.tests, work
+    L, tests, work = mi.Color3f(0), mi.UInt32(0), mi.UInt32(0)
+    if active:  # few rays
+        a, b, k = (dr.normalize(dr.gather(mi.Vector4f, cast.boards.quads, met.slot * 4 + i).xyz) for i in (1, 2, 3))
+        n = met.value.x * a + met.value.y * b + met.value.z * k
+        n = dr.normalize(dr.select(dr.squared_norm(n) > 1e-12, n, k))
+        n = dr.select(dr.dot(n, d) > 0, -n, n)
+        out = optics.reflect(-d, mi.Normal3f(n))
+        start = _above(o + met.t * d, n)
+        found, work = _nearest(cast, manner, True, mirror, start, out, apart, mi.Bool(True))
+        L, _, _ = _shown(cast, mirror, start, out, found, mi.Bool(True))
+        L *= optics.reflectance(cast.metals, mirror, dr.clip(-dr.dot(n, d), 0, 1), mi.Bool(True))
+        tests = found.tests
+    return L, tests, work
 
 
 def _above(p: mi.Point3f, n: mi.Vector3f) -> mi.Point3f:

@@ -1,13 +1,8 @@
-"""What methods share that meet reflected rays with pictures of the scene: which part is shown by what, and keeping it true.
+"""What methods share that meet reflected rays with pictures of the scene: taking them, keeping them true, looking at them.
 
-Roles. Each mirror sees each part of the scene as one of
-
-    plane         a flat part is a billboard in its own plane, one picture for all mirrors that is never taken again
-    impostor      anything else is shown by pictures taken for this mirror: by a billboard or by depth maps
-    surroundings  an object whose box encloses the mirror's (a room) goes to the environment map of this mirror
-
-Every picture has a slot. It is taken when its part or its mirror has moved since it was taken, never because the eye
-moved; which slots that is, is decided on the host, in double precision.
+`kernels.roles` says which parts of the scene are shown by which pictures. A picture is taken again when its part or its
+mirror has moved since it was taken, never because the eye moved; which ones that is, is decided on the host, in double
+precision. A plane's picture is taken once.
 """
 
 from __future__ import annotations
@@ -32,100 +27,11 @@ from benchharness.kernels import (
     relief,
     surroundings,
 )
+from benchharness.kernels.frozen import frozen
+from benchharness.kernels.roles import Listed, Plan, Slot
 
 OWN_START = 0.03  # of a mirror's radius: so far a ray runs before it may meet the mirror's own depth map
 NEAR = 1e-3  # metres; nearer to the centre of an environment map than this nothing is drawn
-
-
-@dataclass(frozen=True)
-class Slot:
-    """A picture: of which part; for which mirror, None for a plane's; which of its directions (see `directions`)."""
-
-    part: int
-    mirror: int | None
-    direction: int = 0
-
-    def owner(self, objects: int) -> int | None:
-        """The part that is its mirror; `objects` is the first mirror's."""
-        return None if self.mirror is None else objects + self.mirror
-
-
-@dataclass(frozen=True, eq=False)
-class Plan:
-    """Who is shown how. Decided once, on the host.
-
-    shapes      of all parts
-    objects     how many parts are objects; mirrors come after them
-    slots       all pictures
-    quads       per mirror, slots that it shows as billboards: objects, then other mirrors
-    maps        per mirror, slots that it shows as depth maps, likewise
-    enclosing   per mirror, the objects that surround it
-    ground      the object that goes on in the panorama, if the morph is wanted; shown by the environment map
-    """
-
-    shapes: list[impostor.Shape]
-    objects: int
-    slots: list[Slot]
-    quads: list[tuple[list[int], list[int]]]
-    maps: list[tuple[list[int], list[int]]]
-    enclosing: list[set[int]]
-    ground: int | None = None
-
-
-def plan(scene, maps: int, own_maps: int, mirrors: bool, ground: int | None) -> Plan:
-    """The roles of all parts of a `benchharness.scene.Scene` at its start.
-
-    maps      depth maps per part and mirror; 0 for billboards
-    own_maps  depth maps of each mirror for itself
-    mirrors   whether other mirrors are shown at all
-    ground    number of the object whose border is morphed, or None
-    """
-    parts, objects = scene.parts, len(scene.objects)
-    shapes = [impostor.shape_of(part.mesh.vertices, part.mesh.faces) for part in parts]
-    boxes = [_box(shape, part.pose(0.0)) for shape, part in zip(shapes, parts, strict=True)]
-    slots: list[Slot] = []
-    shared: dict[int, int] = {}
-    result = Plan(shapes, objects, slots, [], [], [], ground)
-    for mirror in range(len(scene.reflectors)):
-        own = objects + mirror
-        quads: tuple[list[int], list[int]] = ([], [])
-        depths: tuple[list[int], list[int]] = ([], [])
-        around: set[int] = set()
-        for number in range(len(parts)):
-            kind = int(number >= objects)
-            if number == ground or (kind == 1 and not mirrors and number != own):
-                continue
-            if number == own:
-                depths[1].extend(_added(slots, Slot(number, mirror, k)) for k in range(own_maps))
-            elif kind == 0 and _holds(boxes[number], boxes[own]):
-                around.add(number)
-            elif shapes[number].plane is not None:
-                if number not in shared:
-                    shared[number] = _added(slots, Slot(number, None))
-                quads[kind].append(shared[number])
-            elif maps == 0:
-                quads[kind].append(_added(slots, Slot(number, mirror)))
-            else:
-                depths[kind].extend(_added(slots, Slot(number, mirror, k)) for k in range(maps))
-        result.quads.append(quads)
-        result.maps.append(depths)
-        result.enclosing.append(around)
-    return result
-
-
-def _added(slots: list[Slot], slot: Slot) -> int:
-    slots.append(slot)
-    return len(slots) - 1
-
-
-def _box(shape: impostor.Shape, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest corner of a part in world space."""
-    points = shape.vertices @ pose[:3, :3].T + pose[:3, 3]
-    return points.min(axis=0), points.max(axis=0)
-
-
-def _holds(box: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]) -> bool:
-    return bool((box[0] < other[0]).all() and (other[1] < box[1]).all())
 
 
 @dataclass(frozen=True)
@@ -133,6 +39,7 @@ class Options:
     """How pictures are kept.
 
     size        texels across a picture
+    planes      texels across the picture of a plane
     mip         with mip levels
     resolution  texels per edge of an environment map's face
     turn        radians by which a mirror may move around a part, seen from it, before a depth map is taken again
@@ -143,6 +50,7 @@ class Options:
     """
 
     size: int
+    planes: int
     mip: bool
     resolution: int
     turn: float
@@ -191,13 +99,6 @@ class Taken:
     renewed: list[int]
 
 
-def ground_of(scene) -> int | None:
-    """The number of the object that goes on in the panorama of a scene; None if none does."""
-    if scene.environment is None or scene.environment.ground is None:
-        return None
-    return [o.name for o in scene.objects].index(scene.environment.ground)
-
-
 def stage(scene, planned: Plan) -> Stage:
     """Uploads a scene. Waits for the device."""
     triangles = geometry.of_scene_seen(scene)
@@ -218,7 +119,7 @@ def retaken(on: Stage, before: Taken, poses: mi.Float, options: Options) -> Take
     planned = on.plan
     host = np.array(poses).astype(np.float64).reshape(-1, 3, 4)
     world = geometry.placed_seen(on.triangles, poses, planned.objects)
-    deep = {slot for objects, mirrors in planned.maps for slot in (*objects, *mirrors)}
+    deep = set(planned.deep_slots)
     now = replace(before, **{name: list(getattr(before, name)) for name in vars(before)})
     now.renewed = []
     for number, slot in enumerate(planned.slots):
@@ -228,12 +129,15 @@ def retaken(on: Stage, before: Taken, poses: mi.Float, options: Options) -> Take
             continue
         stand = _stand(shape, slot, viewpoint, slot.part == slot.owner(planned.objects))
         seen_from = mi.Point3f(*map(float, pose[:, :3] @ viewpoint + pose[:, 3]))
-        texels, depth = _take(on, world, slot, stand.moved(pose), seen_from, options.size)
+        size = options.planes if slot.mirror is None else options.size
+        texels, depth = _take(on, world, slot, stand.moved(pose), seen_from, size)
         now.viewpoints[number], now.stands[number] = viewpoint, stand
-        now.texels[number] = billboard.with_levels(texels, options.size) if options.mip else texels
+        now.texels[number] = billboard.with_levels(texels, size) if options.mip else texels
         if number in deep:
             now.depths[number] = depth
-            now.rows[number], now.dropped[number] = _simplified(depth, options) if options.points else (None, None)
+            if options.points:
+                rows = _simplified(depth, size, options.rotations, options.points, options.jump)
+                now.rows[number], now.dropped[number] = rows
         now.renewed.append(number)
     _renew_maps(on, now, world, host, options)
     return now
@@ -277,13 +181,11 @@ def _take(on: Stage, world: geometry.Geometry, slot: Slot, stand: impostor.Stand
     return impostor.picture(world, faces, count, camera, viewer, depths, slot.part >= on.plan.objects)
 
 
-def _simplified(depth: mi.Float, options: Options) -> tuple[mi.Float, mi.UInt32]:
+@frozen
+def _simplified(depth: mi.Float, size: int, rotations: int, points: int, jump: float) -> tuple[mi.Float, mi.UInt32]:
     """The rows of one depth map, and how many spans of them were dropped."""
-    layout = depthmap.Layout(1, options.size, options.rotations, options.points)
-    rows, dropped = depthrows.build(depth, layout, options.jump)
-    dropped = dr.sum(dropped)
-    dr.eval(rows, dropped)
-    return rows, dropped
+    rows, dropped = depthrows.build(depth, depthmap.Layout(1, size, rotations, points), jump)
+    return rows, dr.sum(dropped)
 
 
 def _renew_maps(on: Stage, now: Taken, world: geometry.Geometry, poses: np.ndarray, options: Options) -> None:
@@ -323,18 +225,25 @@ def cast(on: Stage, taken: Taken, poses: mi.Float, options: Options, before: bou
         quads[number, 0] = [*stand.centre, slot.part - planned.objects if slot.part >= planned.objects else -1]
         quads[number, 1, :3], quads[number, 2, :3] = stand.a / stand.half[0], stand.b / stand.half[1]
         quads[number, 3, :3] = stand.k
-    if before is None or taken.renewed:
-        texels = dr.concat(taken.texels) if taken.texels else dr.zeros(mi.Float, 4)
-    else:
-        texels = before.pictures.texels
-    lists, columns, objects = _lists(planned.quads)
+    flat, table = planned.plane_slots, mi.Float(quads.ravel())
+    plane_texels = _together(taken, range(flat), None if before is None else before.plane_pictures)
+    texels = _together(taken, range(flat, len(planned.slots)), None if before is None else before.pictures)
     return bounces.Cast(
-        billboard.Billboards(mi.Float(quads.ravel()), lists, columns, objects),
-        billboard.Pictures(texels, options.size, options.mip),
+        billboard.Billboards(table, *_lists(planned.planes)),
+        billboard.Pictures(plane_texels, options.planes, options.mip),
+        billboard.Billboards(table, *_lists(planned.quads)),
+        billboard.Pictures(texels, options.size, options.mip, flat),
         _reliefs(on, taken, host, options, None if before is None else before.reliefs),
         backdrop.Backdrop(on.infinity, _joined_maps(taken), options.resolution, _walls(on, host, options)),
         on.metals,
     )
+
+
+def _together(taken: Taken, slots: range, before: billboard.Pictures | None) -> mi.Float:
+    """The texels of some slots, one after the other: those of `before` if none was taken since."""
+    if before is not None and not any(number in slots for number in taken.renewed):
+        return before.texels
+    return dr.concat([taken.texels[number] for number in slots]) if slots else dr.zeros(mi.Float, 4)
 
 
 def _reliefs(
@@ -342,7 +251,7 @@ def _reliefs(
 ) -> relief.Reliefs | None:
     """The depth maps where `poses` puts them; None for a plan without any."""
     planned = on.plan
-    deep = sorted({slot for objects, mirrors in planned.maps for slot in (*objects, *mirrors)})
+    deep = planned.deep_slots
     if not deep:
         return None
     cameras = []
@@ -362,7 +271,7 @@ def _reliefs(
     return relief.Reliefs(depth, rows, mi.Float(cameras), mi.UInt32(deep), *_lists(shown), layout)
 
 
-def _lists(shown: list[tuple[list[int], list[int]]]) -> tuple[mi.UInt32, int, int]:
+def _lists(shown: list[Listed]) -> tuple[mi.UInt32, int, int]:
     """Slots per mirror as a table, how many columns it has, and how many of them are for objects."""
     objects = max(len(own) for own, _ in shown)
     columns = objects + max(len(mirrors) for _, mirrors in shown)
@@ -406,8 +315,8 @@ def shown(rays: bounces.Cast, taken: Taken, frame, manner: bounces.Manner, atten
 
     attenuation  share of the light lost per metre of the reflected ray, as exp(-attenuation distance)
 
-    Counters: rays against quads; segments or texels of depth maps; pixels that reflect twice; pictures that the last
-    update took, and spans that its depth maps dropped.
+    Counters, one number for each of `frame.pixels`: rays against quads; segments or texels of depth maps; 1 where a ray
+    reflects twice. Besides, pictures that the last update took, and spans that its depth maps dropped.
     """
     renewed = dr.opaque(mi.UInt32, len(taken.renewed))
     spans = [taken.dropped[number] for number in taken.renewed if taken.dropped[number] is not None]
@@ -417,7 +326,6 @@ def shown(rays: bounces.Cast, taken: Taken, frame, manner: bounces.Manner, atten
         return Shown(mi.Color3f(empty), empty, counters)
     answer = bounces.reflected(rays, frame.view, [frame.p, frame.n, frame.reflector], frame.pixels, manner)
     L = answer.L * dr.exp(-attenuation * answer.distance) if attenuation > 0 else answer.L
-    lanes = [L.x, L.y, L.z, answer.distance, answer.tests, answer.work, mi.UInt32(answer.second)]
-    x, y, z, distance, tests, work, second = pixels.spread(lanes, frame)
-    counters |= {"quad_tests": tests, "depth_steps": work, "second_order": second}
+    x, y, z, distance = pixels.spread([L.x, L.y, L.z, answer.distance], frame)
+    counters |= {"quad_tests": answer.tests, "depth_steps": answer.work, "second_order": mi.UInt32(answer.second)}
     return Shown(mi.Color3f(x, y, z), distance, counters)

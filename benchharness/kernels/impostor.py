@@ -23,7 +23,7 @@ from benchharness.kernels.frozen import frozen
 from benchharness.kernels.window import Window
 
 FIELD = np.radians(10.0)  # full angle that a camera sees (PMDS06 3)
-FLAT = 0.01  # thickness over length up to which a part is a plane
+FLAT = 0.05  # thickness over length up to which a part is a plane
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,11 +119,12 @@ def facing(shape: Shape, towards: np.ndarray) -> Stand:
 
 
 def on_plane(shape: Shape, side: np.ndarray) -> Stand:
-    """The camera for a flat part: the picture is its own rectangle, seen from the side that `side` [3] lies on."""
+    """The camera for a flat part: the picture is its own rectangle, on and seen from the side that `side` [3] lies on."""
     assert shape.plane is not None
     a, b, k, centre, (ha, hb, _) = shape.plane
     if np.dot(side - centre, k) < 0:
         k, a, b, ha, hb = -k, b, a, hb, ha  # turned over
+    centre = centre + np.max((shape.vertices - centre) @ k) * k
     return _standing(shape, centre, a, -b, k, (max(ha, 1e-9), max(hb, 1e-9)), shape.radius / np.sin(0.5 * FIELD))
 
 

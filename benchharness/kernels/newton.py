@@ -295,7 +295,7 @@ def look_at(mirror: Mesh, where: Place, active) -> Sight:
     length = dr.norm(d)
     ray = mi.Ray3f(where.eye, d * dr.rcp(dr.maximum(length, 1e-20)))
     ray.maxt = length + CLOSE * mirror.size
-    hit = mirror.scene.ray_intersect_preliminary(ray, coherent=True, active=active)
+    hit = mirror.scene.ray_intersect_preliminary(ray, coherent=False, active=active)
     met = active & hit.is_valid()
     before = dr.select(met, length - hit.t, -dr.inf)
     shadow = before > SHADOWED * mirror.size

@@ -64,15 +64,16 @@ def nearest(
         start = dr.gather(mi.Float, reliefs.cameras, candidate * 16 + 15)
         segment = depthray.project(reliefs.cameras, reliefs.layout.w, candidate, o, d, start, listed)
         segment.active &= segment.s_a < t
-        if dr.hint(reliefs.rows is None, mode="scalar"):
-            hit = depthray.meet_texels(segment, reliefs.depth, reliefs.layout.w, jump)
-        else:
-            hit = depthray.meet_rows(segment, reliefs.rows, reliefs.layout, anchor)
-        distance = segment.distance(hit.t)
-        closer = hit.found & (distance < t)
-        t, map = dr.select(closer, distance, t), dr.select(closer, candidate, map)
-        x, y = dr.select(closer, hit.x, x), dr.select(closer, hit.y, y)
-        work += dr.select(segment.active, hit.work, 0)
+        if segment.active:  # many rays pass by
+            if dr.hint(reliefs.rows is None, mode="scalar"):
+                hit = depthray.meet_texels(segment, reliefs.depth, reliefs.layout.w, jump)
+            else:
+                hit = depthray.meet_rows(segment, reliefs.rows, reliefs.layout, anchor)
+            distance = segment.distance(hit.t)
+            closer = hit.found & (distance < t)
+            t, map = dr.select(closer, distance, t), dr.select(closer, candidate, map)
+            x, y = dr.select(closer, hit.x, x), dr.select(closer, hit.y, y)
+            work += hit.work
         column += 1
     found = map != NONE
     per_texel = 2.0 / reliefs.layout.w

@@ -1,0 +1,127 @@
+"""Which part of a scene is shown by what, where reflected rays meet pictures of it. Decided once, on the host.
+
+Each mirror sees each part of the scene as one of
+
+    plane         a flat part is a billboard in its own plane, one picture for all mirrors
+    impostor      anything else is shown by pictures taken for this mirror: by a billboard or by depth maps
+    surroundings  an object whose box encloses the mirror's (a room) goes to the environment map of this mirror
+
+Every picture has a number, its slot.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchharness.kernels import impostor
+
+Listed = tuple[list[int], list[int]]
+"""What a mirror shows of one kind: slots of objects, slots of mirrors."""
+
+
+@dataclass(frozen=True)
+class Slot:
+    """A picture: of which part; for which mirror, None for a plane's; which of its directions (see `directions`)."""
+
+    part: int
+    mirror: int | None
+    direction: int = 0
+
+    def owner(self, objects: int) -> int | None:
+        """The part that is its mirror; `objects` is the first mirror's."""
+        return None if self.mirror is None else objects + self.mirror
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Who is shown how. Decided once, on the host.
+
+    shapes      of all parts
+    objects     how many parts are objects; mirrors come after them
+    slots       all pictures, those of planes first
+    planes      per mirror, slots that it shows in their own plane: objects, then other mirrors
+    quads       per mirror, slots that it shows as billboards, likewise
+    maps        per mirror, slots that it shows as depth maps, likewise
+    enclosing   per mirror, the objects that surround it
+    ground      the object that goes on in the panorama, if the morph is wanted; shown by the environment map
+    """
+
+    shapes: list[impostor.Shape]
+    objects: int
+    slots: list[Slot]
+    planes: list[Listed]
+    quads: list[Listed]
+    maps: list[Listed]
+    enclosing: list[set[int]]
+    ground: int | None = None
+
+    @property
+    def plane_slots(self) -> int:
+        return sum(slot.mirror is None for slot in self.slots)
+
+    @property
+    def deep_slots(self) -> list[int]:
+        """Those that are shown as depth maps, ascending."""
+        return sorted({slot for objects, mirrors in self.maps for slot in (*objects, *mirrors)})
+
+
+def plan(scene, maps: int, own_maps: int, mirrors: bool, ground: int | None) -> Plan:
+    """The roles of all parts of a `benchharness.scene.Scene` at its start.
+
+    maps      depth maps per part and mirror; 0 for billboards
+    own_maps  depth maps of each mirror for itself
+    mirrors   whether other mirrors are shown at all
+    ground    number of the object whose border is morphed, or None
+    """
+    parts, objects = scene.parts, len(scene.objects)
+    shapes = [impostor.shape_of(part.mesh.vertices, part.mesh.faces) for part in parts]
+    boxes = [_box(shape, part.pose(0.0)) for shape, part in zip(shapes, parts, strict=True)]
+    shown = [n for n in range(objects) if n != ground] + (list(range(objects, len(parts))) if mirrors else [])
+    own = range(objects, len(parts))
+    enclosing = [{n for n in shown if n < objects and _holds(boxes[n], boxes[m])} for m in own]
+
+    slots: list[Slot] = []
+    flat = [n for n in shown if shapes[n].plane is not None and not any(n in around for around in enclosing)]
+    in_plane = {n: _added(slots, Slot(n, None)) for n in flat}
+    result = Plan(shapes, objects, slots, [], [], [], enclosing, ground)
+    for number, mirror in enumerate(own):
+        planes, quads, depths = ([], []), ([], []), ([], [])
+        for n in shown:
+            kind = int(n >= objects)
+            if n == mirror or n in enclosing[number]:
+                continue
+            if n in in_plane:
+                planes[kind].append(in_plane[n])
+            elif maps == 0:
+                quads[kind].append(_added(slots, Slot(n, number)))
+            else:
+                depths[kind].extend(_added(slots, Slot(n, number, k)) for k in range(maps))
+        depths[1].extend(_added(slots, Slot(mirror, number, k)) for k in range(own_maps))
+        result.planes.append(planes)
+        result.quads.append(quads)
+        result.maps.append(depths)
+    return result
+
+
+def _added(slots: list[Slot], slot: Slot) -> int:
+    slots.append(slot)
+    return len(slots) - 1
+
+
+def _box(shape: impostor.Shape, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest corner of a part in world space."""
+    points = shape.vertices @ pose[:3, :3].T + pose[:3, 3]
+    return points.min(axis=0), points.max(axis=0)
+
+
+def _holds(box: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]) -> bool:
+    return bool((box[0] < other[0]).all() and (other[1] < box[1]).all())
+
+
+def ground_of(scene) -> int | None:
+    """The number of the object that goes on in the panorama of a scene; None if none does."""
+    if scene.environment is None or scene.environment.ground is None:
+        return None
+    return [o.name for o in scene.objects].index(scene.environment.ground)
