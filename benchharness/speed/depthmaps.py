@@ -15,6 +15,7 @@ import numpy as np
 from benchharness.api import Frame
 from benchharness.kernels import bounces, deptherror, depthray, depthrows, optics
 from benchharness.kernels.depthmap import Layout
+from benchharness.kernels.frozen import frozen
 from benchharness.speed import popescu
 from benchharness.speed.popescu import Settings, Timed, row
 from benchharness.speed.stage import Stage
@@ -48,20 +49,25 @@ def study(
 def _construction(depth: mi.Float, settings: Settings, rounds: int, say: Callable[[str], None]):
     timed = []
     for n, m in settings.construction:
-        layout = Layout(1, settings.texels, n, m)
         note = f"{settings.texels} x {settings.texels} texels"
         timed.append(Timed(
-            CONSTRUCTION, f"n = {n}, m = {m}", "time", lambda layout=layout: depthrows.build(depth, layout), "ms",
+            CONSTRUCTION, f"n = {n}, m = {m}", "time", lambda n=n, m=m: _built(depth, settings.texels, n, m), "ms",
             popescu.CONSTRUCTION_MS.get((n, m)), note,
         ))  # fmt: skip
     return popescu.measured(timed, rounds, say)
+
+
+@frozen
+def _built(depth: mi.Float, w: int, n: int, m: int) -> mi.Float:
+    """The simplified rows of one depth map."""
+    return depthrows.build(depth, Layout(1, w, n, m))[0]
 
 
 def _losses(depth: mi.Float, cameras: mi.Float, settings: Settings) -> list[dict[str, Any]]:
     n, rows = settings.rate[0], []
     for m in settings.errors:
         layout = Layout(1, settings.texels, n, m)
-        loss = deptherror.simplification(depth, cameras, depthrows.build(depth, layout)[0], layout)
+        loss = deptherror.simplification(depth, cameras, _built(depth, settings.texels, n, m), layout)
         paper, note = popescu.Z_ERROR.get(m), f"n = {n}; {loss.unspanned} of {loss.samples + loss.unspanned} samples dropped"
         rows.append(row(Z_ERROR, f"m = {m}", "mean |dz| / z", 1e2 * loss.depth, "%", paper, note))
         rows.append(row(Z_ERROR, f"m = {m}", "mean |dz| / (far - near)", 1e2 * loss.range, "%", paper, note))
@@ -70,7 +76,7 @@ def _losses(depth: mi.Float, cameras: mi.Float, settings: Settings) -> list[dict
 
 def _memory(depth: mi.Float, settings: Settings) -> dict[str, Any]:
     n, m = settings.memory
-    rows, _ = depthrows.build(depth, Layout(1, settings.texels, n, m))
+    rows = _built(depth, settings.texels, n, m)
     paper = popescu.ROWS_BYTES.get((n, settings.texels, m))
     return row(MEMORY, f"n = {n}, {settings.texels} texels, m = {m}", "rows", np.array(rows).nbytes, "bytes", paper)
 
@@ -97,6 +103,6 @@ def _walk(stage: Stage, depth: mi.Float, cameras: mi.Float, settings: Settings) 
     rows += means("every texel", "texels read", reads, hit, popescu.TEXELS_READ, "")
     for m in settings.walk:
         layout = Layout(1, w, settings.rate[0], m)
-        met = depthray.meet_rows(segment, depthrows.build(depth, layout)[0], layout)
+        met = depthray.meet_rows(segment, _built(depth, w, settings.rate[0], m), layout)
         rows += means(f"m = {m}", "segments tested", np.array(met.work), np.array(met.found), m - 1, "paper: at most")
     return rows

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from benchharness import timing
-from benchharness.kernels import imagewise, relief
+from benchharness.kernels import imagewise, relief, roles
 from benchharness.speed.stage import Stage, Work, interleaved
 
 COLUMNS = "table setting quantity ours ours_lo ours_hi unit paper note".split()
@@ -115,8 +115,11 @@ def reliefs(stage: Stage, texels: int, rotations: int, points: int) -> relief.Re
 
     Raises ValueError for a scene that has none: all of it flat, or around its mirrors.
     """
-    planned = imagewise.plan(stage.scene, 1, 0, False, None)
-    on, options = imagewise.stage(stage.scene, planned), imagewise.Options(texels, False, 16, 0.0, 0.0, rotations, points)
+    planned = roles.plan(stage.scene, 1, 0, False, None)
+    options = imagewise.Options(
+        size=texels, planes=8, mip=False, resolution=4, turn=0.0, walls=0.0, rotations=rotations, points=points
+    )
+    on = imagewise.stage(stage.scene, planned)
     taken = imagewise.retaken(on, imagewise.nothing(planned), stage.frame.poses, options)
     found = imagewise.cast(on, taken, stage.frame.poses, options, None).reliefs
     if found is None:
