@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import math
 from dataclasses import replace
 
@@ -52,6 +53,7 @@ def test_every_table_has_finite_numbers_with_their_intervals(found):
         *(depthmaps.CONSTRUCTION, depthmaps.Z_ERROR, depthmaps.MEMORY, depthmaps.WALK, edges.EDGES),
         *(impostors.POINTS, impostors.RAYS, impostors.REFLECTORS, impostors.SIZE),
     }
+    assert len(list(itertools.groupby(found.rows, lambda r: r["table"]))) == 9  # each in one piece
     keys = [(r["table"], r["setting"], r["quantity"]) for r in found.rows]
     assert len(set(keys)) == len(keys)
     for r in found.rows:

@@ -28,7 +28,7 @@ EDGES = "edges"
 METHOD = "depth_impostor"
 BAND_PX = 3.0
 DEPTH = 16  # segments of the reference's paths
-CROP = 0.18  # of the picture's width, as the sides of what the strip shows
+CROP = 0.11  # of the picture's width, as the sides of what the strip shows
 
 
 @dataclass

@@ -66,7 +66,9 @@ def study(scenes: Scenes, size: tuple[int, int], rounds: int, say: Callable[[str
     for timed in (_depth_maps(stage, settings), _billboards(scenes, size, settings)):
         more, times = popescu.measured(timed, rounds, say)
         rows, samples = rows + more, samples + times
-    return Found(rows + _kernels(stage, settings), samples, panels)
+    rows += _kernels(stage, settings)
+    order = list(dict.fromkeys(r["table"] for r in rows))
+    return Found(sorted(rows, key=lambda r: order.index(r["table"])), samples, panels)
 
 
 def _kind(name: str, **params: Any) -> Method:
