@@ -31,6 +31,7 @@ from benchharness.kernels.frozen import frozen
 from benchharness.kernels.roles import Listed, Plan, Slot
 
 OWN_START = 0.03  # of a mirror's radius: so far a ray runs before it may meet the mirror's own depth map
+STILL = 1e-5  # of a part's radius: a mirror that moved by less, seen from the part, has not moved; poses have single precision
 NEAR = 1e-3  # metres; nearer to the centre of an environment map than this nothing is drawn
 
 
@@ -157,7 +158,7 @@ def _viewpoint(planned: Plan, slot: Slot, poses: np.ndarray) -> np.ndarray:
 
 def _still(shape: impostor.Shape, slot: Slot, last: np.ndarray, now: np.ndarray, turn: float) -> bool:
     """Whether a picture for the viewpoint `last` holds for `now`."""
-    if slot.mirror is None or (last == now).all():
+    if slot.mirror is None or np.linalg.norm(last - now) < STILL * shape.radius:
         return True
     one, other = last - shape.centroid, now - shape.centroid
     return bool(np.arctan2(np.linalg.norm(np.cross(one, other)), np.dot(one, other)) < turn)
