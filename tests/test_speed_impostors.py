@@ -167,6 +167,7 @@ def test_a_silhouette_is_where_hits_border_on_misses_of_the_mirror():
     expected = np.zeros((7, 7), bool)
     expected[2:5, 2] = expected[2, 2:5] = expected[4, 2:5] = True
     np.testing.assert_array_equal(edges.silhouette(hits, mirror), expected)
+    np.testing.assert_array_equal(edges.silhouette(hits[:, ::-1], mirror[:, ::-1]), expected[:, ::-1])
 
 
 def test_silhouettes_are_as_far_apart_as_lines_are():
