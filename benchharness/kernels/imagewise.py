@@ -273,8 +273,8 @@ def _reliefs(
 
 def _lists(shown: list[Listed]) -> tuple[mi.UInt32, int, int]:
     """Slots per mirror as a table, how many columns it has, and how many of them are for objects."""
-    objects = max(len(own) for own, _ in shown)
-    columns = objects + max(len(mirrors) for _, mirrors in shown)
+    objects = max((len(own) for own, _ in shown), default=0)
+    columns = objects + max((len(mirrors) for _, mirrors in shown), default=0)
     table = np.full((len(shown), max(columns, 1)), billboard.NONE, np.uint32)
     for row, (own, mirrors) in zip(table, shown, strict=True):
         row[: len(own)] = own
