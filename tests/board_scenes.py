@@ -31,17 +31,6 @@ def rays(answer: Answer) -> tuple[np.ndarray, np.ndarray]:
     return p, d / np.linalg.norm(d, axis=-1, keepdims=True)
 
 
-def counted(answer: Answer, name: str) -> np.ndarray:
-    """A counter of every pixel [H, W], 0 off the mirrors; or the one number that it is."""
-    values = np.array(answer.reflection.counters[name])
-    pixels = np.array(answer.frame.pixels)
-    if values.size == 1 or values.size not in (pixels.size, answer.active.size):
-        return values
-    out = np.zeros(answer.active.size, values.dtype)
-    out[pixels] = values if values.size == pixels.size else values[pixels]
-    return out.reshape(answer.active.shape)
-
-
 def disc(radius: float, middle, u, v, rings: int = 60, slices: int = 240) -> Mesh:
     """A flat disc along unit u and v, with `smooth` colours."""
     r, angle = np.meshgrid(radius * np.arange(rings + 1) / rings, 2 * np.pi * np.arange(slices) / slices, indexing="ij")

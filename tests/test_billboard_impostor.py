@@ -13,7 +13,6 @@ from board_scenes import (
     CARD_RADIUS,
     SKY,
     card,
-    counted,
     floor,
     one,
     rays,
@@ -74,7 +73,7 @@ def test_a_flat_card_has_one_picture_and_no_other_resolution_changes_it():
     made, _, _ = card_traced()
     coarse, fine = (one(BillboardImpostor(resolution=n), made) for n in (16, 64))
     assert coarse.same(fine)
-    assert counted(coarse, "pictures_taken") == 1
+    assert coarse.counted("pictures_taken") == 1
 
 
 # A ball that touches
@@ -120,7 +119,7 @@ def test_i04_what_holds_the_mirror_goes_to_its_environment_map():
     """I-04: a ring whose box encloses the mirror's is no billboard."""
     made = scene((torus(1.0, 0.35),), (mirror_ball(radius=0.25),), still((0.1, -2.4, 1.6)), background=SKY)
     answer, mapped = one(BillboardImpostor(), made), one(EnvironmentMap(mip=False), made)
-    assert (counted(answer, "quad_tests") == 0).all() and counted(answer, "pictures_taken") == 0
+    assert (answer.counted("quad_tests") == 0).all() and answer.counted("pictures_taken") == 0
     np.testing.assert_allclose(answer.L[answer.active], mapped.L[answer.active], atol=1e-5)
     assert np.isfinite(answer.distance[answer.active]).mean() > 0.2
 
@@ -129,7 +128,7 @@ def test_i04_a_ring_around_a_mirror_that_its_box_does_not_hold_is_a_billboard_th
     """I-04: the quad passes through the mirror; rays meet it in front of them only, at the ring and not in its hole."""
     made = scene((torus(0.9, 0.1),), (mirror_ball(),), still((0.1, -2.4, 1.6)), background=SKY)
     answer, exact = one(BillboardImpostor(), made), one(RayTraced(), made)
-    assert (counted(answer, "quad_tests")[answer.active] == 1).all()
+    assert (answer.counted("quad_tests")[answer.active] == 1).all()
     seen, there = (np.isfinite(a.distance) & a.active for a in (answer, exact))
     assert (answer.distance[answer.active] > 0).all() and np.isfinite(answer.L).all()
     o, d = rays(answer)
@@ -272,7 +271,7 @@ def test_a_rod_is_as_wide_as_it_is_from_wherever_mirrors_see_it(thick):
 def test_in_a_room_balls_are_billboards_and_the_room_is_the_environment():
     made = mirror_room()
     answer, mapped, exact = (one(m, made) for m in (BillboardImpostor(), EnvironmentMap(), RayTraced()))
-    assert (counted(answer, "quad_tests")[answer.active] == 3).all()
+    assert (answer.counted("quad_tests")[answer.active] == 3).all()
     assert rms(answer, exact, answer.active) < 0.7 * rms(mapped, exact, answer.active)
 
 

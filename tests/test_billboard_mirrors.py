@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from board_scenes import (
     SKY,
-    counted,
     floor,
     one,
     rms,
@@ -25,18 +24,18 @@ def test_i07_a_pixel_meets_d_plus_r_minus_1_quads_and_d_more_for_a_second_reflec
     """I-07: D objects and R mirrors: D + R - 1, and 2 D + R - 1."""
     made = row_of_mirrors(objects, mirrors)
     answer = one(BillboardImpostor(), made)
-    second, tests = counted(answer, "second_order") == 1, counted(answer, "quad_tests")
+    second, tests = answer.counted("second_order") == 1, answer.counted("quad_tests")
     assert 10 < second.sum() < answer.active.sum() / 2
     assert set(tests[second]) == {twice} and set(tests[answer.active & ~second]) == {once}
     assert (tests[~answer.active] == 0).all()
     black = one(BillboardImpostor(others="black"), made)
-    np.testing.assert_array_equal(counted(black, "second_order") == 1, second)
-    assert set(counted(black, "quad_tests")[answer.active]) == {once}
+    np.testing.assert_array_equal(black.counted("second_order") == 1, second)
+    assert set(black.counted("quad_tests")[answer.active]) == {once}
     assert (black.L[second] == 0).all() and (answer.L[second].max(axis=1) > 0).all()
     np.testing.assert_array_equal(black.L[~second], answer.L[~second])
     omitted = one(BillboardImpostor(others="omitted"), made)
-    assert set(counted(omitted, "quad_tests")[answer.active]) == {objects}
-    assert not counted(omitted, "second_order").any()
+    assert set(omitted.counted("quad_tests")[answer.active]) == {objects}
+    assert not omitted.counted("second_order").any()
     np.testing.assert_array_equal(omitted.L[~second], answer.L[~second])
 
 
@@ -58,7 +57,7 @@ def test_i07_a_second_reflection_is_nearer_to_the_truth_than_black_or_none_and_m
         made = far_mirrors(gap)
         exact = one(RayTraced(bounces=2), made)
         answers = [one(BillboardImpostor(others=o), made) for o in ("reflective", "black", "omitted")]
-        second = counted(answers[0], "second_order") == 1
+        second = answers[0].counted("second_order") == 1
         assert second.sum() > 100
         errors.append([rms(a, exact, second) for a in answers])
     assert errors[0][0] < 0.7 * errors[0][1]
@@ -81,7 +80,7 @@ def conductor(cosine, eta, k):
 def test_a_second_mirror_of_gold_dims_by_its_reflectance_at_the_angle_of_its_billboard():
     ideal, gold = (one(BillboardImpostor(), far_mirrors(1.0, s)) for s in (None, GOLD))
     seen_in_first = np.array(gold.frame.reflector).reshape(gold.active.shape) == 0
-    second = (counted(gold, "second_order") == 1) & seen_in_first
+    second = (gold.counted("second_order") == 1) & seen_in_first
     assert second.sum() > 100
     ratio = gold.L[second] / ideal.L[second]
     assert (ratio[:, 0] > ratio[:, 1]).all() and (ratio[:, 1] > ratio[:, 2]).all()
@@ -90,8 +89,8 @@ def test_a_second_mirror_of_gold_dims_by_its_reflectance_at_the_angle_of_its_bil
     nearest = np.abs(table[None] - ratio[:, None]).max(axis=2).min(axis=1)
     assert nearest.max() < 2e-3
     assert ratio[:, 2].max() - ratio[:, 2].min() > 0.01
-    np.testing.assert_array_equal(gold.L[gold.active & ~(counted(gold, "second_order") == 1)],
-                                  ideal.L[ideal.active & ~(counted(ideal, "second_order") == 1)])  # fmt: skip
+    np.testing.assert_array_equal(gold.L[gold.active & ~(gold.counted("second_order") == 1)],
+                                  ideal.L[ideal.active & ~(ideal.counted("second_order") == 1)])  # fmt: skip
 
 
 def test_light_is_lost_along_the_ray_exponentially():
@@ -109,7 +108,7 @@ def test_i27_no_mirror_is_in_its_own_pictures():
     alone = scene((), (mirror_ball(),), background=SKY)
     answer = one(BillboardImpostor(), alone)
     np.testing.assert_allclose(answer.L[answer.active], np.tile(SKY, (answer.active.sum(), 1)), atol=1e-6)
-    assert np.isinf(answer.distance[answer.active]).all() and not counted(answer, "quad_tests").any()
+    assert np.isinf(answer.distance[answer.active]).all() and not answer.counted("quad_tests").any()
     inside = scene((walls(),), (mirror_ball(),))
     answer, exact = one(BillboardImpostor(), inside), one(RayTraced(), inside)
     assert (answer.distance[answer.active] > 1.5).all()  # the walls, not the mirror's own inside

@@ -11,7 +11,6 @@ from board_scenes import (
     GROUND_CENTRE,
     SIZE,
     SKY,
-    counted,
     on_the_ground,
     one,
     paint,
@@ -177,7 +176,7 @@ def test_a_scene_in_which_only_the_eye_moves_is_never_taken_again():
     assert taken_in(made, (0, 1, 2)) == [ALL, 0, 0]
     first, later = shaded(BillboardImpostor(), made, 0, 1, size=SIZE)
     assert not first.same(later)
-    assert counted(later, "pictures_taken") == 0
+    assert later.counted("pictures_taken") == 0
 
 
 def test_a_card_that_moved_is_shown_where_it_is_without_a_new_picture():

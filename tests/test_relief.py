@@ -191,7 +191,7 @@ def test_own_maps_show_a_mirror_in_itself():
     second = picture(made, SIZE).second
     assert second.sum() > 500 and total(without, "second_order") == 0
     for found in (rows, texels):
-        again = np.array(found.reflection.counters["second_order"]).reshape(second.shape) > 0
+        again = found.counted("second_order") > 0
         assert (again & second).sum() > 0.9 * second.sum() and (again & ~second).sum() < 0.06 * second.sum()
         assert rms(found, exact, second) < 0.6 * rms(without, exact, second)
 
@@ -211,7 +211,7 @@ def test_reflections_of_second_order_are_nearer_than_by_billboards():
         made, RayTraced(bounces=4), BillboardImpostor(), DepthImpostor(), DepthImpostor(others="black")
     )
     second = picture(made, SIZE).second
-    again = np.array(maps.reflection.counters["second_order"]).reshape(second.shape) > 0
+    again = maps.counted("second_order") > 0
     assert second.sum() > 500 and (again & second).sum() > 0.98 * second.sum() and (again & ~second).sum() < 0.02 * second.sum()
     assert rms(maps, exact, second) < 0.75 * rms(boards, exact, second)
     assert not black.L[again].any()

@@ -195,9 +195,8 @@ def _renew_maps(on: Stage, now: Taken, world: geometry.Geometry, poses: np.ndarr
     shared = planned.ground is not None
     if not shared and not any(planned.enclosing):
         return
-    planes = {slot.part for slot in planned.slots if slot.mirror is None and slot.part < planned.objects}
     for mirror in range(1 if shared else len(planned.enclosing)):
-        inside = {planned.ground}.union(*planned.enclosing) if shared else planned.enclosing[mirror] | planes
+        inside = {planned.ground}.union(*planned.enclosing) if shared else planned.enclosing[mirror] | planned.bounds
         own = planned.objects + mirror
         depends = poses[sorted(inside) if shared else [*sorted(inside), own]]
         if now.poses[mirror] is not None and (now.poses[mirror] == depends).all():
