@@ -39,6 +39,8 @@ class _Entry:
     prepare_ms: float | None = None
     first_ms: float | None = None
     broken: str | None = None
+    outdated: Any = None
+    """State before the last update of the run-up: what updates are timed from."""
     before: Any = None
     """State after the run-up and, if something moved, the update: what the measured frame is shaded from."""
     shown: list[tuple[np.ndarray, Reflection]] = field(default_factory=list)
@@ -99,9 +101,11 @@ class Bench:
             return
         if entry.state is None:
             entry.state, entry.prepare_ms = timing.timed(lambda: entry.method.prepare(self.scene))
+        entry.outdated = entry.state
         state, _ = timing.timed(lambda: entry.method.update(entry.state, frames[0]))
         for previous, frame in zip([None, *frames], frames, strict=False):
             if previous is not None and self.scene.moves(previous.time, frame.time):
+                entry.outdated = state
                 state, _ = timing.timed(lambda state=state, frame=frame: entry.method.update(state, frame))
             entry.before = state
             (reflection, state), ms = timing.timed(lambda state=state, frame=frame: entry.method.shade(state, frame))
@@ -145,7 +149,7 @@ class Bench:
     @staticmethod
     def _round(entry: _Entry, frame: Frame, with_update: bool) -> None:
         if with_update:
-            entry.samples["update"].append(timing.timed(lambda: entry.method.update(entry.before, frame))[1])
+            entry.samples["update"].append(timing.timed(lambda: entry.method.update(entry.outdated, frame))[1])
         shaded = timing.timed(lambda: _timed_part(entry.method.shade(entry.before, frame)))
         entry.samples["shade"].append(shaded[1])
 

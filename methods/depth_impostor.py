@@ -38,10 +38,13 @@ class DepthImpostor(Method):
     rotations    n: turned sets of rows, over 180 degrees
     points       m: of a simplified row, even
     maps         depth maps per object: from the mirror, from behind, then from the sides, from below and above
-    own_maps     depth maps of a mirror in which it is reflected itself, along its own axes; 0 for no self-reflection
+    own_maps     depth maps of a mirror in which it is reflected itself, from both ends of its x axis, of y, of z; 0 for no
+                 self-reflection
     intersector  "srdm": simplified rows; "march": every texel along the ray
     anchor       the row is that through the ray's "mid" or "start"
-    split_jump   step of depth, of the map's whole range, above which neighbours are not one surface; 0: they always are
+    split_jump   step of depth, of the map's whole range, above which neighbours are not one surface; 0: they always are, and
+                 a skin joins parts that stand before one another. Every map has its own skins: with several, or with
+                 own_maps, of bodies with limbs and hollows, 0.05 is better
     turn         degrees that the mirror may move around an object before its maps are taken again
     mip          trilinear lookup in a mip pyramid of the pictures; else bilinear in the finest level
     planes       texels across the picture of a flat part, of which there is one for all mirrors; a power of two

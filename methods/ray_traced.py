@@ -94,7 +94,8 @@ class RayTraced(Method):
         p, n, v = (dr.gather(type(a), a, lane) for a in (frame.p, frame.n, frame.v))
         r = optics.reflect(v, n)
         ray = _from(p, n, r)
-        hit = state.scene.ray_intersect_preliminary(ray, coherent=True)
+        # Embree's traversal for coherent rays misses what rays parting from a curved mirror meet.
+        hit = state.scene.ray_intersect_preliminary(ray, coherent=False)
         L, face, weights = _arriving(state, hit, p, r, True)
         distance = dr.select(hit.is_valid(), hit.t + RAY_EPSILON, dr.inf)
         if state.mirrors is not None:

@@ -89,9 +89,18 @@ class Answer:
     def __post_init__(self) -> None:
         shape = (self.frame.view.height, self.frame.view.width)
         self.active = np.array(self.frame.active).reshape(shape)
-        self.L = np.array(self.reflection.L).T.reshape(*shape, 3)
-        self.distance = np.array(self.reflection.distance).reshape(shape)
+        # Nobody reads other lanes: they may hold anything.
+        self.L = np.where(self.active[..., None], np.array(self.reflection.L).T.reshape(*shape, 3), 0)
+        self.distance = np.where(self.active, np.array(self.reflection.distance).reshape(shape), 0)
         self.found = np.array(self.reflection.found).reshape(shape)
+
+    def counted(self, name: str) -> np.ndarray:
+        """A counter that has a number for each pixel of mirrors, as [H, W], 0 elsewhere; or its one number."""
+        values, out = np.array(self.reflection.counters[name]), np.zeros(self.active.size, np.int64)
+        if values.size == 1:
+            return values
+        out[np.array(self.frame.pixels)] = values
+        return out.reshape(self.active.shape)
 
     def same(self, other: Answer) -> bool:
         """Bit for bit, counters and vertices included."""

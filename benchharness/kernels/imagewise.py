@@ -31,6 +31,7 @@ from benchharness.kernels.frozen import frozen
 from benchharness.kernels.roles import Listed, Plan, Slot
 
 OWN_START = 0.03  # of a mirror's radius: so far a ray runs before it may meet the mirror's own depth map
+STILL = 1e-5  # of a part's radius: a mirror that moved by less, seen from the part, has not moved; poses have single precision
 NEAR = 1e-3  # metres; nearer to the centre of an environment map than this nothing is drawn
 
 
@@ -157,7 +158,7 @@ def _viewpoint(planned: Plan, slot: Slot, poses: np.ndarray) -> np.ndarray:
 
 def _still(shape: impostor.Shape, slot: Slot, last: np.ndarray, now: np.ndarray, turn: float) -> bool:
     """Whether a picture for the viewpoint `last` holds for `now`."""
-    if slot.mirror is None or (last == now).all():
+    if slot.mirror is None or np.linalg.norm(last - now) < STILL * shape.radius:
         return True
     one, other = last - shape.centroid, now - shape.centroid
     return bool(np.arctan2(np.linalg.norm(np.cross(one, other)), np.dot(one, other)) < turn)
@@ -194,9 +195,8 @@ def _renew_maps(on: Stage, now: Taken, world: geometry.Geometry, poses: np.ndarr
     shared = planned.ground is not None
     if not shared and not any(planned.enclosing):
         return
-    planes = {slot.part for slot in planned.slots if slot.mirror is None and slot.part < planned.objects}
     for mirror in range(1 if shared else len(planned.enclosing)):
-        inside = {planned.ground}.union(*planned.enclosing) if shared else planned.enclosing[mirror] | planes
+        inside = {planned.ground}.union(*planned.enclosing) if shared else planned.enclosing[mirror] | planned.bounds
         own = planned.objects + mirror
         depends = poses[sorted(inside) if shared else [*sorted(inside), own]]
         if now.poses[mirror] is not None and (now.poses[mirror] == depends).all():
@@ -273,8 +273,8 @@ def _reliefs(
 
 def _lists(shown: list[Listed]) -> tuple[mi.UInt32, int, int]:
     """Slots per mirror as a table, how many columns it has, and how many of them are for objects."""
-    objects = max(len(own) for own, _ in shown)
-    columns = objects + max(len(mirrors) for _, mirrors in shown)
+    objects = max((len(own) for own, _ in shown), default=0)
+    columns = objects + max((len(mirrors) for _, mirrors in shown), default=0)
     table = np.full((len(shown), max(columns, 1)), billboard.NONE, np.uint32)
     for row, (own, mirrors) in zip(table, shown, strict=True):
         row[: len(own)] = own

@@ -24,6 +24,8 @@ from benchharness.kernels.window import Window
 
 FIELD = np.radians(10.0)  # full angle that a camera sees (PMDS06 3)
 FLAT = 0.05  # thickness over length up to which a part is a plane
+ROD = 0.5  # thickness over width from which it is none: what is as thick as wide has no plane of its own
+LEAST = 1e-9  # metres: half a side of what has no extent
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +54,7 @@ def shape_of(vertices: np.ndarray, faces: np.ndarray) -> Shape:
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     area = area + 1e-12 * max(area.max(), 1e-300)
     centroid = np.average(corners.mean(axis=1), axis=0, weights=area)
-    radius = float(np.linalg.norm(used - centroid, axis=1).max())
+    radius = max(float(np.linalg.norm(used - centroid, axis=1).max()), LEAST)
     return Shape(used, centroid, radius, used.min(axis=0), used.max(axis=0), _plane(used, centroid))
 
 
@@ -62,7 +64,8 @@ def _plane(points: np.ndarray, centroid: np.ndarray) -> np.ndarray | None:
     _, axes = np.linalg.eigh(offset.T @ offset)
     across = axes[:, 0]
     depth = offset @ across
-    if np.ptp(depth) > FLAT * max(np.ptp(offset @ axes[:, 2]), 1e-300):
+    thickness, width, length = np.ptp(offset @ axes, axis=0)
+    if thickness > FLAT * length or thickness > ROD * width or width <= 1e-9 * length:
         return None
     flat = np.stack([offset @ axes[:, 2], offset @ axes[:, 1]], axis=1)
     to_box, extents = trimesh.bounds.oriented_bounds_2D(flat)
@@ -125,7 +128,7 @@ def on_plane(shape: Shape, side: np.ndarray) -> Stand:
     if np.dot(side - centre, k) < 0:
         k, a, b, ha, hb = -k, b, a, hb, ha  # turned over
     centre = centre + np.max((shape.vertices - centre) @ k) * k
-    return _standing(shape, centre, a, -b, k, (max(ha, 1e-9), max(hb, 1e-9)), shape.radius / np.sin(0.5 * FIELD))
+    return _standing(shape, centre, a, -b, k, (max(ha, LEAST), max(hb, LEAST)), shape.radius / np.sin(0.5 * FIELD))
 
 
 def _standing(shape: Shape, centre, a, b, k, half, distance: float) -> Stand:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import depthray
+from benchharness.kernels import depthmap, depthray
 from benchharness.kernels.billboard import NONE
 from benchharness.kernels.depthmap import Layout
 
@@ -69,6 +69,9 @@ def nearest(
                 hit = depthray.meet_texels(segment, reliefs.depth, reliefs.layout.w, jump)
             else:
                 hit = depthray.meet_rows(segment, reliefs.rows, reliefs.layout, anchor)
+                # The row lies beside the ray's image: what it shows may not be in the picture there.
+                there = depthmap.texel(reliefs.depth, reliefs.layout.w, candidate, hit.x, hit.y, hit.found)
+                hit.found &= there < depthmap.COVERED
             distance = segment.distance(hit.t)
             closer = hit.found & (distance < t)
             t, map = dr.select(closer, distance, t), dr.select(closer, candidate, map)

@@ -4,7 +4,9 @@ Each mirror sees each part of the scene as one of
 
     plane         a flat part is a billboard in its own plane, one picture for all mirrors
     impostor      anything else is shown by pictures taken for this mirror: by a billboard or by depth maps
-    surroundings  an object whose box encloses the mirror's (a room) goes to the environment map of this mirror
+    surroundings  an object whose box encloses the mirror's (a room) goes to the environment map of this mirror; so do flat
+                  objects that close the room, such as its ceiling, so that no gap opens between what has parallax and what
+                  has not
 
 Every picture has a number, its slot.
 """
@@ -16,6 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchharness.kernels import impostor
+
+NEAR_WALL = 0.02  # of a room's size: as near as this to a wall, a flat object belongs to it
 
 Listed = tuple[list[int], list[int]]
 """What a mirror shows of one kind: slots of objects, slots of mirrors."""
@@ -44,7 +48,8 @@ class Plan:
     planes      per mirror, slots that it shows in their own plane: objects, then other mirrors
     quads       per mirror, slots that it shows as billboards, likewise
     maps        per mirror, slots that it shows as depth maps, likewise
-    enclosing   per mirror, the objects that surround it
+    enclosing   per mirror, the objects that surround it; empty if none does
+    bounds      flat objects that reach the box of what surrounds a mirror: they close it
     ground      the object that goes on in the panorama, if the morph is wanted; shown by the environment map
     """
 
@@ -55,6 +60,7 @@ class Plan:
     quads: list[Listed]
     maps: list[Listed]
     enclosing: list[set[int]]
+    bounds: set[int]
     ground: int | None = None
 
     @property
@@ -85,7 +91,9 @@ def plan(scene, maps: int, own_maps: int, mirrors: bool, ground: int | None) -> 
     slots: list[Slot] = []
     flat = [n for n in shown if shapes[n].plane is not None and not any(n in around for around in enclosing)]
     in_plane = {n: _added(slots, Slot(n, None)) for n in flat}
-    result = Plan(shapes, objects, slots, [], [], [], enclosing, ground)
+    around = set().union(*enclosing)
+    bounds = {n for n in in_plane if n < objects and any(_reaches(boxes[n], boxes[room]) for room in around)}
+    result = Plan(shapes, objects, slots, [], [], [], enclosing, bounds, ground)
     for number, mirror in enumerate(own):
         planes, quads, depths = ([], []), ([], []), ([], [])
         for n in shown:
@@ -114,6 +122,12 @@ def _box(shape: impostor.Shape, pose: np.ndarray) -> tuple[np.ndarray, np.ndarra
     """Lowest and highest corner of a part in world space."""
     points = shape.vertices @ pose[:3, :3].T + pose[:3, 3]
     return points.min(axis=0), points.max(axis=0)
+
+
+def _reaches(box: tuple[np.ndarray, np.ndarray], room: tuple[np.ndarray, np.ndarray]) -> bool:
+    """Whether a box comes near a wall of another, or goes beyond."""
+    margin = NEAR_WALL * (room[1] - room[0])
+    return bool((box[0] < room[0] + margin).any() or (room[1] - margin < box[1]).any())
 
 
 def _holds(box: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]) -> bool:

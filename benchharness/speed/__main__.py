@@ -1,13 +1,15 @@
 """How fast is it really: our stages and whole frames against Embree's and llvmpipe's, on this machine, in one sitting.
 
 `python -m benchharness.speed` times the kitchen: everything warm, in interleaved rounds. What is compared with what is in
-`benchharness.speed.rivals`, what `--vertices` adds in `benchharness.speed.tessellation`, and what `--iterations` adds in
-`benchharness.speed.iterations`. Into the folder go
+`benchharness.speed.rivals`, what `--vertices` adds in `benchharness.speed.tessellation`, what `--iterations` adds in
+`benchharness.speed.iterations`, and what `--impostors` adds in `benchharness.speed.impostors`. Into the folder go
 
     speed.csv          a row per rival: medians, how many times as long the rival takes, with its 95 % interval
     samples.csv        every time behind them
     vertices.csv       a row per tessellation and method; vertices-fit.csv, vertices-samples.csv, vertices.png
     iterations.csv     a row per way to search; iterations.png
+    impostors.csv      a row per number of a paper's tables and ours; impostors-samples.csv, impostor-edges.png,
+                       impostor-cost.png
     environment.json   machine, software, and what was asked for
 """
 
@@ -36,12 +38,23 @@ WRONG_INPUT, BROKEN_ENVIRONMENT = 2, 5
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
-def kitchen(detail: str, moving: bool = False) -> Scene:
-    """The scene that everything is timed on, baked and not yet refined."""
+def baked(name: str, **keywords: Any) -> Scene:
+    """A scene as its builder makes it, baked and not yet refined."""
     from benchharness import plugins
     from benchharness.bake import bake
 
-    return bake(plugins.look_up("kitchen", plugins.discover("scene"), "speed").target(detail=detail, moving=moving))
+    return bake(plugins.look_up(name, plugins.discover("scene"), "speed").target(**keywords))
+
+
+def kitchen(detail: str, moving: bool = False) -> Scene:
+    """The scene that everything is timed on, but for impostors."""
+    return baked("kitchen", detail=detail, moving=moving)
+
+
+def impostor_scenes(detail: str, counts: Iterable[int]) -> tuple[Scene, dict[int, Scene], Scene]:
+    """The fields of `impostors.Scenes`, with mirror spheres so many."""
+    spheres = {count: baked("spheres", detail=detail, count=count, moving=False) for count in counts}
+    return baked("bunnies", detail=detail), spheres, baked("teapots", detail=detail, moving=False)
 
 
 def speed(
@@ -53,6 +66,7 @@ def speed(
     console: Console,
     vertices: bool = False,
     iterations: bool = False,
+    impostors: bool = False,
 ) -> None:
     """Times, prints and writes everything. Raises ValueError for numbers that make no sense and a folder in use."""
     for name, value, least in (("width", size[0], 1), ("height", size[1], 1), ("frame", frame, 0), ("rounds", rounds, 2)):
@@ -92,6 +106,8 @@ def speed(
             _vertices(out, size, frame, rounds, console)
         if iterations:
             _iterations(out, drawn, size, frame, console)
+        if impostors:
+            _impostors(out, size, detail, rounds, console)
     console.print(str(out))
 
 
@@ -117,6 +133,21 @@ def _iterations(out: Path, scene: Scene, size: tuple[int, int], frame: int, cons
     write_csv(out / "iterations.csv", rows, iterations.COLUMNS)
     iterations.chart(cases, out / "iterations.png")
     console.print(plain_table(rows, iterations.COLUMNS))
+
+
+def _impostors(out: Path, size: tuple[int, int], detail: str, rounds: int, console: Console) -> None:
+    from benchharness.speed import edges, popescu
+    from benchharness.speed import impostors as study
+
+    settings = popescu.Settings()
+    with console.status("baking") as status:
+        scenes = study.Scenes(*impostor_scenes(detail, settings.reflectors))
+        found = study.study(scenes, size, rounds, status.update, settings)
+    write_csv(out / "impostors.csv", found.rows, popescu.COLUMNS)
+    write_csv(out / "impostors-samples.csv", found.samples, popescu.SAMPLE_COLUMNS)
+    edges.strip(found.panels, out / "impostor-edges.png")
+    study.chart(found.rows, out / "impostor-cost.png")
+    console.print(plain_table(found.rows, ("table", "setting", "quantity", "ours", "unit", "paper")))
 
 
 def write_csv(path: Path, rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> None:
@@ -160,11 +191,12 @@ def main(
     rounds: Annotated[int, typer.Option(help="how often everything is timed")] = 60,
     vertices: Annotated[bool, typer.Option("--vertices", help="also: time and error against the number of vertices")] = False,
     iterations: Annotated[bool, typer.Option("--iterations", help="also: steps that reflection points take")] = False,
+    impostors: Annotated[bool, typer.Option("--impostors", help="also: a paper's tables of impostors, beside ours")] = False,
 ) -> None:
     """Time the harness's own stages and whole frames against Embree and llvmpipe."""
     folder = out or Path("results") / "runs" / f"speed-{datetime.now():%Y%m%d-%H%M%S}"
     try:
-        speed(folder, size, frame, detail, rounds, Console(), vertices, iterations)
+        speed(folder, size, frame, detail, rounds, Console(), vertices, iterations, impostors)
     except (ValueError, NotADirectoryError, PermissionError, platform.EnvironmentBroken) as error:
         Console(stderr=True, soft_wrap=True).print(f"error: {error}", style="red", markup=False, highlight=False)
         raise typer.Exit(BROKEN_ENVIRONMENT if isinstance(error, platform.EnvironmentBroken) else WRONG_INPUT) from None
