@@ -33,7 +33,7 @@ class State:
 class BillboardImpostor(Method):
     """
     resolution   texels across a picture, a power of two
-    mip          trilinear lookup in a mip pyramid of the pictures; else bilinear in the finest level
+    mip          lookup in the nearest level of a mip pyramid of the pictures; else in the finest level; both bilinear
     planes       texels across the picture of a flat part, of which there is one for all mirrors; a power of two
     environment  texels per edge of a face of the environment map, where one is taken
     others       what other mirrors are: "reflective" billboards, "black" ones, or "omitted"

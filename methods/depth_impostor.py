@@ -46,7 +46,7 @@ class DepthImpostor(Method):
                  a skin joins parts that stand before one another. Every map has its own skins: with several, or with
                  own_maps, of bodies with limbs and hollows, 0.05 is better
     turn         degrees that the mirror may move around an object before its maps are taken again
-    mip          trilinear lookup in a mip pyramid of the pictures; else bilinear in the finest level
+    mip          lookup in the nearest level of a mip pyramid of the pictures; else in the finest level; both bilinear
     planes       texels across the picture of a flat part, of which there is one for all mirrors; a power of two
     environment  texels per edge of a face of the environment map, where one is taken
     others       what other mirrors are: "reflective", "black", or "omitted"

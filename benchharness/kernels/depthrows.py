@@ -16,7 +16,6 @@ from benchharness.kernels.depthmap import BACKGROUND, COVERED, Layout, Row, row_
 
 ROUNDING = 1e-6  # zgl: errors of a polyline below this are float32's, and split nothing
 NONE = 0xFFFFFFFF
-BLOCK = 16384  # lanes that Dr.Jit gives to one core at a time (LLVM)
 
 
 @dataclass
@@ -38,37 +37,22 @@ def build(depth: mi.Float, layout: Layout, split_jump: float | None = None) -> t
 
     split_jump  where neighbouring samples differ by more than this, a new span starts; None or 0: nowhere
     """
-    lane, is_row = _spread(layout.row_count)
+    lane = dr.arange(mi.UInt32, layout.row_count)
     row = row_at(depth, layout, lane)
     segments = Segments(*(dr.alloc_local(kind, layout.m) for kind in (mi.UInt32, mi.UInt32, mi.UInt32, mi.Float, mi.UInt32)))
-    spans, dropped = _spans(row, segments, is_row, layout.m // 2, split_jump or 0.0)
+    spans, dropped = _spans(row, segments, layout.m // 2, split_jump or 0.0)
     _refine(row, segments, spans, layout.m)
-    counts = dr.empty(mi.UInt32, layout.row_count)
-    dr.scatter(counts, dropped, lane, is_row)
-    return _written(row, segments, spans, lane, is_row, layout), counts
-
-
-def _spread(count: int) -> tuple[mi.UInt32, mi.Bool]:
-    """Rows for lanes, and which lanes have one, such that `count` rows are shared by all cores: a launch is cut into blocks of
-    lanes, one per core, and the rows of a single map would hardly fill one."""
-    blocks = max(-(-count // BLOCK), dr.thread_count())
-    share = -(-count // blocks)
-    lane = dr.arange(mi.UInt32, (blocks - 1) * BLOCK + share)
-    block = lane // BLOCK
-    within = lane - block * BLOCK
-    row = block * share + within
-    is_row = (within < share) & (row < count)
-    return dr.select(is_row, row, 0), is_row
+    return _written(row, segments, spans, lane, layout), dropped
 
 
 @dr.syntax
-def _spans(row: Row, segments: Segments, is_row: mi.Bool, room: int, split_jump: float) -> tuple[mi.UInt32, mi.UInt32]:
+def _spans(row: Row, segments: Segments, room: int, split_jump: float) -> tuple[mi.UInt32, mi.UInt32]:
     """The longest spans of the row in their order, `room` at most, the first of equals. Returns (kept, dropped)."""
     lanes = dr.width(row.x)
     u, first = mi.UInt32(0), mi.UInt32(0)
     kept, dropped = dr.zeros(mi.UInt32, lanes), mi.UInt32(0)
     before = mi.Float(BACKGROUND)
-    while dr.hint(is_row & (u <= row.w), label="find the spans of a row"):
+    while dr.hint(u <= row.w, label="find the spans of a row"):
         zgl = row.sample(u, u < row.w)
         covered, was_covered = zgl < COVERED, before < COVERED
         joined = covered & was_covered
@@ -166,14 +150,14 @@ def _refine(row: Row, segments: Segments, spans: mi.UInt32, m: int) -> None:
 
 
 @dr.syntax
-def _written(row: Row, segments: Segments, spans: mi.UInt32, lane: mi.UInt32, is_row: mi.Bool, layout: Layout) -> mi.Float:
+def _written(row: Row, segments: Segments, spans: mi.UInt32, lane: mi.UInt32, layout: Layout) -> mi.Float:
     """The points of all segments in order, two to a packet."""
     rows = dr.empty(mi.Float, 2 * layout.m * layout.row_count)
     k = dr.select(spans > 0, mi.UInt32(0), NONE)
     at_end = mi.Bool(False)
     u, zgl = mi.Float(-(layout.w + 1.0)), mi.Float(BACKGROUND)
     packet = mi.UInt32(0)
-    while dr.hint(is_row & (packet < layout.m // 2), label="write a row"):
+    while dr.hint(packet < layout.m // 2, label="write a row"):
         two = []
         for _ in range(2):
             active = k != NONE
@@ -187,6 +171,6 @@ def _written(row: Row, segments: Segments, spans: mi.UInt32, lane: mi.UInt32, is
             k = dr.select(active & (is_up | goes_on), following, k)
             at_end = active & ~is_up & ~goes_on
             two += [mi.Float(u), mi.Float(zgl)]
-        dr.scatter(rows, mi.Vector4f(*two), lane * (layout.m // 2) + packet, is_row)
+        dr.scatter(rows, mi.Vector4f(*two), lane * (layout.m // 2) + packet)
         packet += 1
     return rows
