@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 import traceback
 from collections.abc import Callable
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -52,6 +53,26 @@ def run(
             code, folder = runner.run(study, out, listener, resume=resume, cluster=cluster)
         print(folder / "report.html")
         return code
+
+    _exit(action)
+
+
+@app.command()
+def stability(
+    out: Annotated[Path | None, typer.Option(help="folder; a new one under results/runs if not given")] = None,
+    only: Annotated[list[str] | None, typer.Option(metavar="METHOD", help="run this method; may be repeated")] = None,
+    regime: Annotated[list[str] | None, typer.Option(metavar="NAME", help="run this regime; may be repeated")] = None,
+    severity: Annotated[float | None, typer.Option(help="run this severity")] = None,
+) -> None:
+    """Drive every method to where it fails, and see whether it says so."""
+
+    def action() -> int:
+        from benchharness import runner, stability
+
+        folder = out or runner.RUNS / f"stability-{datetime.now():%Y%m%d-%H%M%S}"
+        silent, page = stability.run(folder, only or (), regime or (), severity)
+        print(f"{page}: {silent} rows fail silently")
+        return FINE
 
     _exit(action)
 

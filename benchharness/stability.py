@@ -99,7 +99,7 @@ def run(
     out: Path, only: Sequence[str] = (), regime: Sequence[str] = (), severity: float | None = None,
     tell: Callable[[str], None] = print,
 ) -> tuple[int, Path]:  # fmt: skip
-    """Runs the suite. Returns how many rows fail silently, and stability.csv.
+    """Runs the suite. Returns how many rows fail silently, and the page.
 
     Raises ValueError for an unknown method, regime or severity, and for a folder that is in use.
     """
@@ -122,7 +122,9 @@ def run(
         seen = [row["verdict"] for row in rows if row["regime"] == name]
         tell(f"{name}: " + ", ".join(f"{seen.count(v)} {v}" for v in VERDICTS if v in seen))
         results.write_atomic(out / "stability.csv", _csv(rows))
-    return sum(row["verdict"] == "fails" for row in rows), out / "stability.csv"
+    from benchharness.report import matrix
+
+    return sum(row["verdict"] == "fails" for row in rows), matrix.write(out)
 
 
 def _csv(rows: list[dict]) -> str:
@@ -139,9 +141,7 @@ def _in_child(out: Path, regime: Any, name: str, severities: list[float], method
     rows = []
     while left:
         job = json.dumps({"regime": name, "left": left, "images": str(out / "images")})
-        child = subprocess.run(
-            [sys.executable, "-m", "benchharness.stability", job], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
+        child = subprocess.run([sys.executable, "-m", "benchharness.stability", job], capture_output=True, text=True)
         done = [json.loads(line) for line in child.stdout.splitlines() if line.startswith('{"entry"')]
         for record in done:
             rows.append(_row(regime, record))
@@ -182,8 +182,23 @@ def _work(job: dict[str, Any]) -> None:
                 bench.entries.clear()
                 record = bench.run_frame(regime.frame, {name: method}, lambda entry: None)[0][0]
                 record["symptom"] = _symptom(regime, bench, name, record)
-            print(json.dumps({"entry": name, "severity": severity, **{k: _plain(v) for k, v in record.items() if k != "entry"}}),
-                  flush=True)  # fmt: skip
+                _keep_picture(Path(job["images"]), regime, severity, bench, name, record)
+            values = {column: _plain(value) for column, value in record.items() if column != "entry"}
+            print(json.dumps({"entry": name, "severity": severity, **values}), flush=True)
+
+
+def _keep_picture(folder: Path, regime: Any, severity: float, bench: Any, name: str, record: dict[str, Any]) -> None:
+    """The method's picture, the reference and the error, side by side."""
+    from benchharness import metrics
+    from benchharness.report.matrix import picture_name
+
+    if record["status"] != "ok":
+        return
+    seen = bench.seen(name, regime.frame, record)
+    pictures = [metrics.tonemap(image, bench.scene.exposure) for image in (seen.image, seen.truth)]
+    folder.mkdir(parents=True, exist_ok=True)
+    whole = np.concatenate([*pictures, metrics.error_picture(seen.error)], axis=1)
+    metrics.save_png(folder / picture_name(regime.name, severity, name), whole)
 
 
 def _symptom(regime: Any, bench: Any, name: str, record: dict[str, Any]) -> float | None:

@@ -38,14 +38,14 @@ def test_imports_stay_within_the_layers(path):
     if room[0] == "methods":
         assert within(names, "benchharness.api", "benchharness.scene", "benchharness.kernels")
     elif room[0] == "scenes":
-        assert within(names, "benchharness.scene", "scenes")
+        assert within(names, "benchharness.scene", "scenes", *(["benchharness.regime"] if room[1] == "stress" else []))
     elif room[1] == "kernels":
         assert within(names, "benchharness.kernels")
     else:
         assert not any(n.split(".")[0] in ("methods", "scenes") for n in names)
     if room[:2] in (("benchharness", "api.py"), ("benchharness", "scene.py")):
         assert within(names, "benchharness.scene", "benchharness.panorama", "benchharness.subdivision")
-    if room[:2] in (("benchharness", "panorama.py"), ("benchharness", "subdivision.py")):
+    if room[:2] in (("benchharness", "panorama.py"), ("benchharness", "subdivision.py"), ("benchharness", "regime.py")):
         assert not names
     if room[:2] in (("benchharness", "frame.py"), ("benchharness", "bake.py"), ("benchharness", "reference.py")):
         allowed = ("api", "scene", "kernels", "cache", "mitsuba_scene", "bake")

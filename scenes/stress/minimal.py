@@ -34,6 +34,14 @@ def sphere(radius: float = 1.0, at=(0.0, 0.0, 0.0), fine: int = FINE) -> Mesh:
     return Mesh(radius * v + np.asarray(at), np.asarray(ball.faces), v / np.linalg.norm(v, axis=1, keepdims=True))
 
 
+def cap(mesh: Mesh, above: float, inside_out: bool = False) -> Mesh:
+    """The faces of a mesh that lie wholly above a height z, and no other vertex; `inside_out`: seen from the other side."""
+    faces = mesh.faces[(mesh.vertices[mesh.faces][:, :, 2] >= above - 1e-9).all(axis=1)]
+    used, renumbered = np.unique(faces, return_inverse=True)
+    faces, sign = renumbered.reshape(-1, 3), -1 if inside_out else 1
+    return Mesh(mesh.vertices[used], faces[:, ::sign], sign * mesh.normals[used])
+
+
 def s1(radius: float = 1.0, at=(0.0, 0.0, 0.0), fine: int = FINE) -> Reflector:
     mesh = sphere(radius, at, fine)
     return Reflector("mirror", mesh, mesh)

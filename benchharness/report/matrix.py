@@ -1,0 +1,109 @@
+"""A folder of the stability suite -> `stability.html`: which method holds where, from mild to severe, and what it looks like.
+
+One file that opens without a network. Reads stability.csv and images/; never renders.
+"""
+
+from __future__ import annotations
+
+import base64
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import jinja2
+import matplotlib as mpl
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from benchharness import results
+from benchharness.report.chart import STYLE
+from benchharness.report.points import looks
+
+VERDICTS = ("holds", "degrades", "fails", "refuses")
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One method in one regime: its rows from mild to severe, its worst verdict, and the row that shows it."""
+
+    rows: list[dict]
+    worst: str
+    shown: dict
+    picture: str
+
+
+def write(folder: Path) -> Path:
+    """Writes stability.html. Raises ValueError where stability.csv is missing or has no rows."""
+    table = folder / "stability.csv"
+    if not table.is_file():
+        raise ValueError(f"{table}: there is no such file; accepted: a folder of the stability suite")
+    with open(table, newline="", encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    if not rows:
+        raise ValueError(f"{table}: no rows; accepted: the results of the stability suite")
+    regimes, methods = (list(dict.fromkeys(row[key] for row in rows)) for key in ("regime", "method"))
+    cells = {
+        (r, m): _cell(folder, [row for row in rows if (row["regime"], row["method"]) == (r, m)])
+        for r in regimes
+        for m in methods
+    }
+    loader = jinja2.FileSystemLoader(Path(__file__).parent)
+    page = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined).get_template(
+        "matrix.html.jinja"
+    )
+    text = page.render(
+        regimes=[
+            (r, next(row for row in rows if row["regime"] == r), _curves([x for x in rows if x["regime"] == r]))
+            for r in regimes
+        ],
+        methods=methods,
+        cells=cells,
+        verdicts=VERDICTS,
+        silent=[row for row in rows if row["verdict"] == "fails"],
+        counts={v: sum(row["verdict"] == v for row in rows) for v in VERDICTS},
+        total=len(rows),
+    )
+    file = folder / "stability.html"
+    results.write_atomic(file, text)
+    return file
+
+
+def _cell(folder: Path, rows: list[dict]) -> Cell | None:
+    """None where the regime did not run for the method."""
+    if not rows:
+        return None
+    order = ("fails", "degrades", "refuses", "holds")
+    worst = min((row["verdict"] for row in rows), key=order.index)
+    shown = next(row for row in rows if row["verdict"] == worst) if worst != "holds" else rows[-1]
+    file = folder / "images" / picture_name(shown["regime"], float(shown["severity"]), shown["method"])
+    data = f"data:image/png;base64,{base64.b64encode(file.read_bytes()).decode()}" if file.is_file() else ""
+    return Cell(rows, worst, shown, data)
+
+
+def picture_name(regime: str, severity: float, method: str) -> str:
+    return results.safe_name(f"{regime}-{severity:g}-{method}") + ".png"
+
+
+def _curves(rows: Sequence[dict]) -> Markup:
+    """The error of every method against the severity, as an SVG; severities evenly, in their order."""
+    severities = list(dict.fromkeys(row["severity"] for row in rows))
+    styles = looks([{"method": row["method"]} for row in rows])
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(4.6, 2.6), layout="constrained")
+        axes = figure.subplots()
+        for method, look in styles.items():
+            own = [(severities.index(r["severity"]), float(r["symptom"] or r["flip"])) for r in rows
+                   if r["method"] == method and (r["symptom"] or r["flip"])]  # fmt: skip
+            if own:
+                axes.plot(*zip(*own, strict=True), color=look.colour, marker="o", markersize=3, linewidth=1.2, label=method)
+        axes.axhline(float(rows[0]["bound"]), color="#6B7280", linewidth=0.8, linestyle="--")
+        axes.set_xticks(range(len(severities)), [f"{float(s):g}" for s in severities])
+        axes.set_ylim(bottom=0)
+        axes.grid(axis="y")
+        axes.legend(fontsize=6, loc="upper left", bbox_to_anchor=(1, 1))
+        out = io.StringIO()
+        figure.savefig(out, format="svg")
+    text = out.getvalue()
+    return Markup(text[text.index("<svg") :])
