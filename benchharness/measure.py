@@ -113,6 +113,7 @@ class Bench:
             _check_lanes(reflection, frame)
             image = self._picture(self.renderer.compose(frame, reflection.L))
             entry.shown.append((image, reflection))
+        timing.warm_up(lambda: entry.method.update(entry.outdated, frames[-1]))
         timing.warm_up(lambda: _timed_part(entry.method.shade(entry.before, frames[-1])))
 
     def _timed(self, entries: dict[str, _Entry], frame: Frame, watch: Callable[[str], None]) -> dict[str, list[float]]:

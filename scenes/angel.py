@@ -88,7 +88,7 @@ def _wing() -> list[Blob]:
     return out
 
 
-def angel(cell: float, around: int = 48) -> Mesh:
+def statuette(cell: float, around: int = 48) -> Mesh:
     """The statue: figure and plinth, two closed surfaces, the figure's hem in the plinth.
 
     cell    width of the grid's cells that the figure is made from, metres

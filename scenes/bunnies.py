@@ -20,9 +20,8 @@ from typing import Literal, get_args
 import numpy as np
 
 from benchharness.scene import Camera, Environment, Mesh, Object, Reflector, Scene
-from scenes import creature
+from scenes import creature, meadow
 from scenes.courtyard import METALS
-from scenes.meadow import meadow
 from scenes.shapes import from_rest_to_rest, gently, mixed, placed, pose, tiles, way_to
 
 DetailName = Literal["lean", "paper"]
@@ -71,7 +70,7 @@ def bunnies(detail: DetailName = "lean", moving: bool = True) -> Scene:
         camera=Orbit(),
         frames=FRAMES,
         fps=FPS,
-        environment=Environment.painted(meadow, ROWS, centre=(0.0, 0.0, 0.15)),
+        environment=Environment.painted(meadow.painted, ROWS, centre=(0.0, 0.0, 0.15)),
         exposure=0.0,
         detail=detail,
     )

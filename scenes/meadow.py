@@ -15,7 +15,7 @@ SUN_RADIUS_DEG, SUN = 9.0, (15.5, 14.0, 11.5)
 """Its radius, and its radiance in the middle: larger and dimmer than the real one, with softer shadows."""
 
 
-def meadow(directions: np.ndarray) -> np.ndarray:
+def painted(directions: np.ndarray) -> np.ndarray:
     """Radiance [N, 3] that arrives from unit directions [N, 3], z up."""
     d = directions
     azimuth = np.arctan2(d[:, 1], d[:, 0])

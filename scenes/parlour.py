@@ -22,7 +22,7 @@ PAPER, WOOD, WHITE = np.array([0.115, 0.215, 0.190]), np.array([0.155, 0.075, 0.
 GILT, DARK = np.array([0.52, 0.36, 0.12]), np.array([0.030, 0.022, 0.018])
 
 
-def parlour(height: int = 512) -> Callable[[Array], Array]:
+def painter(height: int = 512) -> Callable[[Array], Array]:
     """The painter of the room for panoramas of `height` rows: unit directions [N, 3] -> radiance [N, 3]."""
     sample = np.pi / (height - 1)
     walls = ((0, LEFT, _windows), (0, RIGHT, _hearth), (1, NEAR, _paintings), (1, FAR, _books), (2, FLOOR, _floor),

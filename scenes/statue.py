@@ -17,9 +17,8 @@ from typing import Literal, get_args
 import numpy as np
 
 from benchharness.scene import Camera, Environment, Mesh, Object, Reflector, Scene, merged
-from scenes.angel import angel
+from scenes import angel, parlour
 from scenes.courtyard import METALS
-from scenes.parlour import parlour
 from scenes.pottery import Fineness, teapot
 from scenes.shapes import box, from_rest_to_rest, gently, mixed, placed, pose, sheet, steps, way_to
 
@@ -79,7 +78,7 @@ def statue(detail: DetailName = "lean", moving: bool = True) -> Scene:
     if not isinstance(moving, bool):
         raise ValueError(f"statue: moving is {moving!r}; accepted: true or false")
     d = DETAILS[detail]
-    push, figure = Push(), placed(angel(d.cell / SCALE), scale=SCALE)
+    push, figure = Push(), placed(angel.statuette(d.cell / SCALE), scale=SCALE)
     shows = "a detailed thing between two mirrors: arms, wings and folds, seen in both and in one through the other"
     pot = teapot(RADIUS, d.pot)
     scene = Scene(
@@ -97,7 +96,7 @@ def statue(detail: DetailName = "lean", moving: bool = True) -> Scene:
         camera=Orbit(),
         frames=FRAMES,
         fps=FPS,
-        environment=Environment.painted(parlour(ROWS), ROWS, CENTRE),
+        environment=Environment.painted(parlour.painter(ROWS), ROWS, CENTRE),
         exposure=0.0,
         detail=detail,
     )

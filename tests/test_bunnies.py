@@ -14,7 +14,7 @@ from benchharness.scene import Mesh, Scene
 from scenes import creature
 from scenes.bunnies import CELLS, MIRROR_DEG, SCALE, bunnies
 from scenes.implicit import field, gradient
-from scenes.meadow import SUN_DEG, meadow
+from scenes.meadow import SUN_DEG, painted
 from scenes.shapes import pose, way_to
 
 MOMENTS = (0, 20, 49, 58, 66, 74, 82, 90, 99)
@@ -238,7 +238,7 @@ def test_the_camera_is_free():
 
 
 def test_the_meadow_is_light_above_green_below_and_has_a_sun():
-    up, down, sun = meadow(np.array([[0, 0, 1.0], [0, 0, -1.0], way_to(*SUN_DEG)]))
+    up, down, sun = painted(np.array([[0, 0, 1.0], [0, 0, -1.0], way_to(*SUN_DEG)]))
     assert up[2] > up[1] > up[0] > 0
     assert down[1] > max(down[0], down[2])
     assert sun.min() > 8

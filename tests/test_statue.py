@@ -14,7 +14,7 @@ from benchharness.inside import check_cameras, is_closed, winding_number
 from benchharness.scene import Environment, Mesh, Scene
 from scenes import angel
 from scenes.implicit import field, gradient, polygonised
-from scenes.parlour import CEILING, DAY, FLOOR, LEFT, parlour
+from scenes.parlour import CEILING, DAY, FLOOR, LEFT, painter
 from scenes.shapes import pose
 from scenes.statue import DETAILS, POTS, RADIUS, SCALE, SUNK, TABLE, statue
 
@@ -225,7 +225,7 @@ def test_the_camera_is_free():
 
 def test_the_room_has_light_windows_a_floor_and_a_ceiling():
     directions = np.array([[LEFT, 0.1 + 0.2, 0.5], [0.01, 0.01, CEILING], [0.1, 0.1, FLOOR], [0.0, 3.0, 0.3]])
-    window, lamp, rug, books = parlour(512)(directions / np.linalg.norm(directions, axis=1, keepdims=True))
+    window, lamp, rug, books = painter(512)(directions / np.linalg.norm(directions, axis=1, keepdims=True))
     assert window.min() > 0.8 * DAY.min()
     assert lamp.min() > 3
     assert rug[0] > 2 * rug[2]
@@ -234,6 +234,6 @@ def test_the_room_has_light_windows_a_floor_and_a_ceiling():
     assert np.isfinite(radiance).all()
     assert radiance.min() > 0
     # A panorama of few rows shows the same room, softened: all in all it is as bright.
-    means = [np.sin(np.pi * np.arange(n) / (n - 1)) @ Environment.painted(parlour(n), n).radiance.mean(axis=1) / n
+    means = [np.sin(np.pi * np.arange(n) / (n - 1)) @ Environment.painted(painter(n), n).radiance.mean(axis=1) / n
              for n in (64, 256)]  # fmt: skip
     assert np.allclose(*means, rtol=0.02)
