@@ -61,7 +61,8 @@ class Bench:
         seed: int,
         rounds: tuple[int, int],
     ) -> None:
-        self.scene = refined(bake(scene, spp=options.bake_spp, seed=seed))
+        lit = all(part.mesh.radiance is not None for part in scene.objects)
+        self.scene = refined(scene if lit else bake(scene, spp=options.bake_spp, seed=seed))
         self.size, self.options, self.out, self.seed, self.rounds = size, options, out, seed, rounds
         self.renderer = FrameRenderer(self.scene, *size)
         self.entries: dict[str, _Entry] = {}
