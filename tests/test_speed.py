@@ -98,12 +98,13 @@ def test_reflections_and_whole_pictures_are_those_of_ray_traced(seen, world, coh
 def test_moving_the_world_moves_what_its_mirrors_show(moving_room):
     moved = stage.Stage(moving_room, SIZE, FRAME)
     method = stage.method("ray_traced")
-    expected = np.array(method.shade(moved.warmed(method), moved.frame)[0].L)
+    active = np.array(moved.frame.active)
+    expected = np.array(method.shade(moved.warmed(method), moved.frame)[0].L)[:, active]
     world = embree.build(moving_room, 0.0)
-    before = np.array(embree.reflection(world, moved.frame, True)[0])
+    before = np.array(embree.reflection(world, moved.frame, True)[0])[:, active]
     assert np.abs(before - expected).max() > 0.1
     embree.move(world, moved.frame.poses)
-    np.testing.assert_allclose(np.array(embree.reflection(world, moved.frame, True)[0]), expected, atol=1e-3)
+    np.testing.assert_allclose(np.array(embree.reflection(world, moved.frame, True)[0])[:, active], expected, atol=1e-3)
 
 
 # llvmpipe

@@ -89,7 +89,9 @@ def plan(scene, maps: int, own_maps: int, mirrors: bool, ground: int | None) -> 
     enclosing = [{n for n in shown if n < objects and _holds(boxes[n], boxes[m])} for m in own]
 
     slots: list[Slot] = []
+    alone = len(own) == 1  # then nobody shows the mirror
     flat = [n for n in shown if shapes[n].plane is not None and not any(n in around for around in enclosing)]
+    flat = [n for n in flat if n < objects or not alone]
     in_plane = {n: _added(slots, Slot(n, None)) for n in flat}
     around = set().union(*enclosing)
     bounds = {n for n in in_plane if n < objects and any(_reaches(boxes[n], boxes[room]) for room in around)}
