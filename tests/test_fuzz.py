@@ -1,0 +1,101 @@
+"""A million vertices with known reflections, over random mirrors: all is numbers, all ends, no wrong root is called right.
+
+Truth is made backwards: a point of a mirror in closed form, its normal, and a vertex somewhere along the ray that it reflects.
+Whatever method reports vertices is tested, whoever wrote it.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+from mirror_room import scene, shaded, still
+from star_shapes import Ellipsoid
+from truth_shapes import unit
+
+from benchharness import plugins, truth
+from benchharness.scene import Mesh, Object, Reflector
+
+METHODS = {name: plugin.target for name, plugin in plugins.discover("method").items()}
+COUNT = 24_000  # vertices of an example
+EXAMPLES = 14  # per mirror and method: with three methods, 24,000 · 14 · 3 is a million
+SIZE = (320, 240)
+FOV_DEG = 40.0
+WRONG_PX = 2.0
+FEWEST_STEPS = 250  # more than any method's limit
+
+
+def world(shape, eye, seed: int):
+    """A mirror, and vertices [COUNT, 3] that it reflects to the eye at points [COUNT, 3]; visible if it is convex."""
+    rng = np.random.default_rng(seed)
+    P = shape.points(rng, 12 * COUNT)
+    n, w = shape.normal(P), unit(eye - P)
+    P, n, w = (a[(n * w).sum(axis=1) > 0.1][:COUNT] for a in (P, n, w))
+    assert len(P) == COUNT
+    away = 2 * (n * w).sum(axis=1, keepdims=True) * n - w
+    V = P + np.exp(rng.uniform(np.log(0.05), np.log(20.0), (COUNT, 1))) * away
+    one = np.arange(COUNT)[:, None].repeat(3, axis=1)  # triangles without area: nothing of them is drawn
+    points = Object("points", Mesh(V, one, np.tile([0.0, 0, 1], (COUNT, 1)), radiance=np.ones((COUNT, 3))), "reflections")
+    mesh = shape.mesh(5)
+    camera = still(tuple(eye), (0.0, 0.0, 0.0), FOV_DEG)
+    return scene([points], [Reflector("mirror", mesh, mesh)], camera, frames=1), P, V
+
+
+def asked(name: str, made) -> dict[str, np.ndarray]:
+    """What a method reports of the vertices of the first object."""
+    reported = shaded(METHODS[name](), made, 0, size=SIZE)[0].reflection.vertices
+    return {key: np.array(value).T[:COUNT] for key, value in vars(reported).items()}
+
+
+@functools.cache
+def reporting() -> list[str]:
+    """Methods that report vertices."""
+    made, _, _ = world(Ellipsoid(half=(0.8, 0.8, 0.8)), np.array([0.0, -3.0, 0.5]), 0)
+    answers = {name: shaded(method(), made, 0, size=(32, 24))[0].reflection for name, method in METHODS.items()}
+    return [name for name, answer in answers.items() if answer.vertices is not None]
+
+
+def sound(found, shape, eye, V, tolerance: float) -> None:
+    """Numbers, an end, and the law of reflection wherever a method claims it, by the mirror's own normal in closed form."""
+    for key, value in found.items():
+        assert np.isfinite(value).all(), key
+    assert found["iterations"].max() < FEWEST_STEPS
+    R = found["R"][found["converged"]].astype(np.float64)
+    n, to_eye, to_vertex = shape.normal(R), unit(eye - R), unit(V[found["converged"]] - R)
+    assert np.abs(shape.height(R)).max() < 0.01
+    off = np.linalg.norm(unit(to_eye + to_vertex) - n, axis=1)
+    assert np.quantile(off, 0.999) < tolerance and ((n * to_vertex).sum(axis=1) > -0.02).mean() > 0.999
+
+
+directions = st.tuples(st.floats(-1, 1), st.floats(0, 2 * np.pi))
+common = settings(
+    max_examples=EXAMPLES, deadline=None, derandomize=True, database=None, phases=(Phase.explicit, Phase.generate),
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+)  # fmt: skip
+
+
+def placed(direction, distance: float) -> np.ndarray:
+    z, angle = direction
+    return distance * np.array([np.sqrt(1 - z * z) * np.cos(angle), np.sqrt(1 - z * z) * np.sin(angle), z])
+
+
+@pytest.mark.parametrize("name", METHODS)
+@common
+@given(
+    half=st.tuples(*[st.floats(0.5, 1.0)] * 3), direction=directions, distance=st.floats(2.5, 6.0), seed=st.integers(0, 10**6)
+)
+def test_of_a_convex_mirror_no_wrong_point_is_called_right(name, half, direction, distance, seed):
+    if name not in reporting():
+        pytest.skip("reports no vertices")
+    shape, eye = Ellipsoid(half=half), placed(direction, distance)
+    made, P, V = world(shape, eye, seed)
+    found = asked(name, made)
+    sound(found, shape, eye, V, 0.03)
+    converged = found["converged"]
+    assert converged.mean() > 0.8
+    camera = made.camera(0.0)
+    one, other = (truth.on_screen(p[converged], camera, *SIZE) for p in (found["R"].astype(np.float64), P))
+    assert np.linalg.norm(one - other, axis=1).max() < WRONG_PX
