@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from mirror_room import scene, shaded, still
-from star_shapes import Ellipsoid
+from star_shapes import Bumpy, Ellipsoid
 from truth_shapes import unit
 
 from benchharness import plugins, truth
@@ -99,3 +99,14 @@ def test_of_a_convex_mirror_no_wrong_point_is_called_right(name, half, direction
     camera = made.camera(0.0)
     one, other = (truth.on_screen(p[converged], camera, *SIZE) for p in (found["R"].astype(np.float64), P))
     assert np.linalg.norm(one - other, axis=1).max() < WRONG_PX
+
+
+@pytest.mark.parametrize("name", METHODS)
+@settings(common, max_examples=4)
+@given(eps=st.floats(-0.3, 0.3), direction=directions, distance=st.floats(2.5, 6.0), seed=st.integers(0, 10**6))
+def test_of_a_mirror_with_hollows_what_is_called_right_obeys_the_law(name, eps, direction, distance, seed):
+    if name not in reporting():
+        pytest.skip("reports no vertices")
+    shape, eye = Bumpy(eps=eps), placed(direction, distance)
+    made, _, V = world(shape, eye, seed)
+    sound(asked(name, made), shape, eye, V, 0.03)
