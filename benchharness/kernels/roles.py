@@ -27,7 +27,13 @@ Listed = tuple[list[int], list[int]]
 
 @dataclass(frozen=True)
 class Slot:
-    """A picture: of which part; for which mirror, None for a plane's; which of its directions (see `directions`)."""
+    """A picture.
+
+    part       what it shows
+    mirror     for whom, None for a plane's
+    direction  of a depth map: 0 from the mirror, 1 from behind, then from both sides, below and above; of a mirror's own: from
+               either end of its axes
+    """
 
     part: int
     mirror: int | None
