@@ -48,6 +48,8 @@ REQUIRED = COLUMNS[: COLUMNS.index("environment") + 1]
 KEY = ("scene", "detail", "frame", "method", "params")
 STATUSES = ("ok", "refused", "invalid", "timeout", "crashed")
 """From best to worst; a summary shows the worst of its frames."""
+VERDICTS = ("holds", "degrades", "fails", "refuses")
+"""Of the stability suite, see `benchharness.stability.verdict`."""
 
 INTEGERS = frozenset(
     "frame vertices triangles reflectors reflector_px nonfinite_px iterations_max reference_spp second_px "

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from benchharness import platform, plugins, results
+from benchharness import params, platform, plugins, results
 
 VARIANT = "llvm_ad_rgb"
 STRESS = "scenes.stress"
@@ -31,7 +31,6 @@ COLUMNS = (
     "regime entry severity method params verdict why symptom symptom_name flip bound flip_p95 coverage converged_ratio "
     "wrong_ratio nonfinite_px iterations_max residual_px_max reflector_px status reason command"
 ).split()
-VERDICTS = ("holds", "degrades", "fails", "refuses")
 CERTAIN = 0.999  # share of pixels found, or of vertices converged, below which a method has said that something is wrong
 
 
@@ -120,7 +119,7 @@ def run(
         wanted = [severity] if severity is not None else list(found[name][0].severities)
         rows += _in_child(out, found[name][0], name, wanted, methods)
         seen = [row["verdict"] for row in rows if row["regime"] == name]
-        tell(f"{name}: " + ", ".join(f"{seen.count(v)} {v}" for v in VERDICTS if v in seen))
+        tell(f"{name}: " + ", ".join(f"{seen.count(v)} {v}" for v in results.VERDICTS if v in seen))
         results.write_atomic(out / "stability.csv", _csv(rows))
     from benchharness.report import matrix
 
@@ -146,7 +145,7 @@ def _in_child(out: Path, regime: Any, name: str, severities: list[float], method
         for record in done:
             rows.append(_row(regime, record))
             left.remove((record["severity"], record["entry"]))
-        if child.returncode != 0 and left:
+        if left and (child.returncode != 0 or not done):
             lost, reason = left.pop(0), f"the process ended with {child.returncode}: {child.stderr.strip()[-200:]}"
             rows.append(_row(regime, {"entry": lost[1], "severity": lost[0], "status": "crashed", "reason": reason}))
     return rows
@@ -181,37 +180,32 @@ def _work(job: dict[str, Any]) -> None:
             else:
                 bench.entries.clear()
                 record = bench.run_frame(regime.frame, {name: method}, lambda entry: None)[0][0]
-                record["symptom"] = _symptom(regime, bench, name, record)
-                _keep_picture(Path(job["images"]), regime, severity, bench, name, record)
-            values = {column: _plain(value) for column, value in record.items() if column != "entry"}
-            print(json.dumps({"entry": name, "severity": severity, **values}), flush=True)
+                if record["status"] == "ok":
+                    seen = bench.seen(name, regime.frame, record)
+                    record["symptom"] = _symptom(regime, seen)
+                    _keep_picture(Path(job["images"]), regime, severity, name, seen, scene.exposure)
+            defaults = params.sweep({}, params.of_method(found[name].target), name)[0]
+            record["params"] = params.canonical(defaults)
+            line = {"entry": name, "severity": severity} | {k: v for k, v in record.items() if k != "entry"}
+            print(json.dumps(line, default=lambda number: number.item()), flush=True)
 
 
-def _keep_picture(folder: Path, regime: Any, severity: float, bench: Any, name: str, record: dict[str, Any]) -> None:
+def _keep_picture(folder: Path, regime: Any, severity: float, name: str, seen: Any, exposure: float) -> None:
     """The method's picture, the reference and the error, side by side."""
     from benchharness import metrics
     from benchharness.report.matrix import picture_name
 
-    if record["status"] != "ok":
-        return
-    seen = bench.seen(name, regime.frame, record)
-    pictures = [metrics.tonemap(image, bench.scene.exposure) for image in (seen.image, seen.truth)]
+    pictures = [metrics.tonemap(image, exposure) for image in (seen.image, seen.truth)]
     folder.mkdir(parents=True, exist_ok=True)
     whole = np.concatenate([*pictures, metrics.error_picture(seen.error)], axis=1)
     metrics.save_png(folder / picture_name(regime.name, severity, name), whole)
 
 
-def _symptom(regime: Any, bench: Any, name: str, record: dict[str, Any]) -> float | None:
-    if record["status"] != "ok" or regime.measure is None:
-        return None
+def _symptom(regime: Any, seen: Any) -> float | None:
     if isinstance(regime.measure, str):
-        return record.get(regime.measure)
-    value = regime.measure(bench.seen(name, regime.frame, record))
+        return seen.record.get(regime.measure)
+    value = regime.measure(seen)
     return None if value is None or not np.isfinite(value) else float(value)
-
-
-def _plain(value: Any) -> Any:
-    return value.item() if isinstance(value, np.generic) else value
 
 
 if __name__ == "__main__":

@@ -21,8 +21,6 @@ from benchharness import results
 from benchharness.report.chart import STYLE
 from benchharness.report.points import looks
 
-VERDICTS = ("holds", "degrades", "fails", "refuses")
-
 
 @dataclass(frozen=True)
 class Cell:
@@ -60,9 +58,9 @@ def write(folder: Path) -> Path:
         ],
         methods=methods,
         cells=cells,
-        verdicts=VERDICTS,
+        verdicts=results.VERDICTS,
         silent=[row for row in rows if row["verdict"] == "fails"],
-        counts={v: sum(row["verdict"] == v for row in rows) for v in VERDICTS},
+        counts={v: sum(row["verdict"] == v for row in rows) for v in results.VERDICTS},
         total=len(rows),
     )
     file = folder / "stability.html"
