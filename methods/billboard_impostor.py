@@ -11,7 +11,7 @@ the mirror is cut off or stands off where the quad does. Independent of the mirr
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 import mitsuba as mi
@@ -20,13 +20,6 @@ from pydantic import Field
 from benchharness.api import Frame, Method, Reflection
 from benchharness.kernels import bounces, imagewise, roles
 from benchharness.scene import Scene
-
-
-@dataclass
-class State:
-    stage: imagewise.Stage
-    taken: imagewise.Taken
-    cast: bounces.Cast | None
 
 
 @dataclass(frozen=True)
@@ -57,17 +50,15 @@ class BillboardImpostor(Method):
             if value & (value - 1):
                 raise ValueError(f"billboard_impostor: {name} is {value}; accepted: a power of two, such as 256")
 
-    def prepare(self, scene: Scene) -> State:
+    def prepare(self, scene: Scene) -> imagewise.State:
         planned = roles.plan(scene, 0, 0, self.others != "omitted", roles.ground_of(scene) if self.walls > 0 else None)
-        return State(imagewise.stage(scene, planned), imagewise.nothing(planned), None)
+        return imagewise.begun(scene, planned)
 
-    def update(self, state: State, frame: Frame) -> State:
+    def update(self, state: imagewise.State, frame: Frame) -> imagewise.State:
         options = imagewise.Options(self.resolution, self.planes, self.mip, self.environment, 0.0, self.walls)
-        taken = imagewise.retaken(state.stage, state.taken, frame.poses, options)
-        return State(state.stage, taken, imagewise.cast(state.stage, taken, frame.poses, options, state.cast))
+        return imagewise.updated(state, frame.poses, options)
 
-    def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
+    def shade(self, state: imagewise.State, frame: Frame) -> tuple[Reflection, imagewise.State]:
         manner = bounces.Manner(self.others == "reflective", self.mip)
-        shown = imagewise.shown(state.cast, state.taken, frame, manner, self.attenuation)
-        state = replace(state, taken=replace(state.taken, renewed=[]))
-        return Reflection(shown.L, shown.distance, mi.Bool(frame.active), counters=shown.counters), state
+        shown = imagewise.shown(state, frame, manner, self.attenuation)
+        return Reflection(shown.L, shown.distance, mi.Bool(frame.active), counters=shown.counters), shown.state

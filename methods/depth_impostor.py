@@ -12,7 +12,7 @@ it moves with its object, and is taken again only once the mirror has moved arou
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 import mitsuba as mi
@@ -22,13 +22,6 @@ from pydantic import Field
 from benchharness.api import Frame, Method, Reflection
 from benchharness.kernels import bounces, imagewise, roles
 from benchharness.scene import Scene
-
-
-@dataclass
-class State:
-    stage: imagewise.Stage
-    taken: imagewise.Taken
-    cast: bounces.Cast | None
 
 
 @dataclass(frozen=True)
@@ -77,21 +70,19 @@ class DepthImpostor(Method):
             if value & (value - 1):
                 raise ValueError(f"depth_impostor: {name} is {value}; accepted: a power of two, such as 256")
 
-    def prepare(self, scene: Scene) -> State:
+    def prepare(self, scene: Scene) -> imagewise.State:
         ground = roles.ground_of(scene) if self.walls > 0 else None
         planned = roles.plan(scene, self.maps, self.own_maps, self.others != "omitted", ground)
-        return State(imagewise.stage(scene, planned), imagewise.nothing(planned), None)
+        return imagewise.begun(scene, planned)
 
-    def update(self, state: State, frame: Frame) -> State:
+    def update(self, state: imagewise.State, frame: Frame) -> imagewise.State:
         options = imagewise.Options(
             self.resolution, self.planes, self.mip, self.environment, float(np.radians(self.turn)), self.walls,
             self.rotations, self.points if self.intersector == "srdm" else 0, self.split_jump,
         )  # fmt: skip
-        taken = imagewise.retaken(state.stage, state.taken, frame.poses, options)
-        return State(state.stage, taken, imagewise.cast(state.stage, taken, frame.poses, options, state.cast))
+        return imagewise.updated(state, frame.poses, options)
 
-    def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
+    def shade(self, state: imagewise.State, frame: Frame) -> tuple[Reflection, imagewise.State]:
         manner = bounces.Manner(self.others == "reflective", self.mip, self.split_jump, self.anchor)
-        shown = imagewise.shown(state.cast, state.taken, frame, manner, self.attenuation)
-        state = replace(state, taken=replace(state.taken, renewed=[]))
-        return Reflection(shown.L, shown.distance, mi.Bool(frame.active), counters=shown.counters), state
+        shown = imagewise.shown(state, frame, manner, self.attenuation)
+        return Reflection(shown.L, shown.distance, mi.Bool(frame.active), counters=shown.counters), shown.state

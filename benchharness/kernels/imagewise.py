@@ -302,15 +302,36 @@ def _walls(on: Stage, poses: np.ndarray, options: Options) -> backdrop.Walls | N
 
 
 @dataclass
+class State:
+    """What a method keeps: the scene, what was taken of it, and what rays can meet; None before the first `updated`."""
+
+    stage: Stage
+    taken: Taken
+    cast: bounces.Cast | None
+
+
+def begun(scene, planned: Plan) -> State:
+    """The state that updates start from. Waits for the device."""
+    return State(stage(scene, planned), nothing(planned), None)
+
+
+def updated(state: State, poses: mi.Float, options: Options) -> State:
+    """With every part where `poses` (12 floats per part) puts it. Waits for the device."""
+    taken = retaken(state.stage, state.taken, poses, options)
+    return State(state.stage, taken, cast(state.stage, taken, poses, options, state.cast))
+
+
+@dataclass
 class Shown:
-    """The fields of `benchharness.api.Reflection`."""
+    """The fields of `benchharness.api.Reflection`, and the state that the next frame starts from."""
 
     L: mi.Color3f
     distance: mi.Float
     counters: dict[str, mi.UInt32]
+    state: State
 
 
-def shown(rays: bounces.Cast, taken: Taken, frame, manner: bounces.Manner, attenuation: float) -> Shown:
+def shown(state: State, frame, manner: bounces.Manner, attenuation: float) -> Shown:
     """What all mirrors of a `benchharness.api.Frame` show.
 
     attenuation  share of the light lost per metre of the reflected ray, as exp(-attenuation distance)
@@ -318,14 +339,16 @@ def shown(rays: bounces.Cast, taken: Taken, frame, manner: bounces.Manner, atten
     Counters, one number for each of `frame.pixels`: rays against quads; segments or texels of depth maps; 1 where a ray
     reflects twice. Besides, pictures that the last update took, and spans that its depth maps dropped.
     """
+    taken = state.taken
+    after = replace(state, taken=replace(taken, renewed=[]))
     renewed = dr.opaque(mi.UInt32, len(taken.renewed))
     spans = [taken.dropped[number] for number in taken.renewed if taken.dropped[number] is not None]
     counters = {"pictures_taken": renewed, "spans_dropped": dr.concat(spans) if spans else mi.UInt32(0)}
     if dr.width(frame.pixels) == 0:  # no mirror in view
         empty = dr.zeros(mi.Float, dr.width(frame.active))
-        return Shown(mi.Color3f(empty), empty, counters)
-    answer = bounces.reflected(rays, frame.view, [frame.p, frame.n, frame.reflector], frame.pixels, manner)
+        return Shown(mi.Color3f(empty), empty, counters, after)
+    answer = bounces.reflected(state.cast, frame.view, [frame.p, frame.n, frame.reflector], frame.pixels, manner)
     L = answer.L * dr.exp(-attenuation * answer.distance) if attenuation > 0 else answer.L
     x, y, z, distance = pixels.spread([L.x, L.y, L.z, answer.distance], frame)
     counters |= {"quad_tests": answer.tests, "depth_steps": answer.work, "second_order": mi.UInt32(answer.second)}
-    return Shown(mi.Color3f(x, y, z), distance, counters)
+    return Shown(mi.Color3f(x, y, z), distance, counters, after)
