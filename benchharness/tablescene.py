@@ -162,7 +162,7 @@ def _environment(table: SceneTable, base: Path, where: str) -> Environment | Non
     try:
         picture = mi.Bitmap(str(path)).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False)
         seen = np.array(picture, np.float64)
-    except Exception as error:
+    except Exception as error:  # whatever a reader of pictures may raise
         raise ValueError(f"{where}.environment: {path} cannot be read: {error}; accepted: an RGB panorama") from error
     try:
         return Environment.from_picture(seen, table.environment_centre or (0.0, 0.0, 0.0))
@@ -178,7 +178,7 @@ def load_mesh(path: Path, where: str, placed: Placed) -> Mesh:
         raise ValueError(f"{where}: there is no file {path}; accepted: a path relative to the config")
     try:
         pieces = list(_pieces(trimesh.load_scene(path, process=False)))
-    except Exception as error:
+    except Exception as error:  # whatever a reader of meshes may raise
         raise ValueError(f"{where}: {path} cannot be read: {error}; accepted: triangle meshes") from error
     if sum(len(faces) for _, faces, _ in pieces) == 0:
         raise ValueError(f"{where}: {path} has no faces; accepted: a mesh with at least one triangle")

@@ -119,7 +119,7 @@ def test_the_grounds_light_is_what_the_upper_half_sends():
 @pytest.fixture(scope="module")
 def open_floor(module_cache) -> Scene:
     """The floor alone in the courtyard, baked."""
-    scene = Scene("open", (courtyard.floor(),), (), None, 1, environment=courtyard.environment())  # type: ignore[arg-type]
+    scene = Scene("open", (courtyard.floor(),), (), None, 1, environment=courtyard.environment())  # type: ignore[arg-type]  # baked, never seen: no camera
     return bake(scene, spp=256, max_depth=3)
 
 
