@@ -19,10 +19,10 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from benchharness.scene import Camera, Environment, Mesh, Object, Reflector, Scene
+from benchharness.scene import Environment, Mesh, Object, Reflector, Scene
 from scenes import creature, meadow
 from scenes.courtyard import METALS
-from scenes.shapes import from_rest_to_rest, gently, mixed, placed, pose, tiles, way_to
+from scenes.shapes import Orbit, from_rest_to_rest, mixed, placed, pose, tiles, way_to
 
 DetailName = Literal["lean", "paper"]
 
@@ -67,7 +67,7 @@ def bunnies(detail: DetailName = "lean", moving: bool = True) -> Scene:
             Object("floor", floor(TILES), "straight lines and even steps, which show how the mirror bends what it shows"),
         ),
         reflectors=(Reflector("mirror bunny", mirror, mirror, *METALS["silver"]),),
-        camera=Orbit(),
+        camera=Orbit((0.005, 0.0, 0.152), (-128.0, -84.0), (5.5, 8.5), (1.00, 0.90), fov_deg=29.0, duration=HALF),
         frames=FRAMES,
         fps=FPS,
         environment=Environment.painted(meadow.painted, ROWS, centre=(0.0, 0.0, 0.15)),
@@ -76,26 +76,6 @@ def bunnies(detail: DetailName = "lean", moving: bool = True) -> Scene:
     )
     scene.source.update(detail=detail, moving=moving, base_vertices=scene.vertices)
     return scene
-
-
-@dataclass(frozen=True)
-class Orbit:
-    """The camera: goes around the bunnies for the first half of the time, and then rests.
-
-    From and to are azimuth and elevation (degrees) and distance (metres) of the eye from `target`.
-    """
-
-    target: tuple[float, float, float] = (0.005, 0.0, 0.152)
-    azimuth_deg: tuple[float, float] = (-128.0, -84.0)
-    elevation_deg: tuple[float, float] = (5.5, 8.5)
-    distance: tuple[float, float] = (1.00, 0.90)
-    duration: float = HALF
-
-    def __call__(self, time: float) -> Camera:
-        s = gently(time, self.duration)
-        way = way_to(mixed(self.azimuth_deg, s), mixed(self.elevation_deg, s))
-        eye = np.asarray(self.target) + mixed(self.distance, s) * way
-        return Camera(tuple(eye.tolist()), self.target, fov_deg=29.0)
 
 
 @dataclass(frozen=True)

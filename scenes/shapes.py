@@ -1,6 +1,6 @@
-"""Shapes to build scenes from: boxes, sheets, tiles, surfaces of revolution, tubes.
+"""Shapes to build scenes from: boxes, sheets, tiles, surfaces of revolution, tubes; and how eyes and things move.
 
-Everything returns a `Mesh`, in metres, z up. Faces are counter-clockwise seen from outside. Vertices are shared where a
+Every shape is a `Mesh`, in metres, z up. Faces are counter-clockwise seen from outside. Vertices are shared where a
 surface is smooth and doubled where it has an edge or changes colour, so that interpolated normals and baked light do
 not leak across. `spacing` is the longest distance between neighbouring base vertices: it says how finely the surface
 carries baked light, not how finely it is drawn.
@@ -9,7 +9,7 @@ carries baked light, not how finely it is drawn.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -17,7 +17,7 @@ import trimesh
 from scipy.interpolate import CubicSpline
 from scipy.spatial import Delaunay
 
-from benchharness.scene import Mesh, merged
+from benchharness.scene import Camera, Mesh, merged
 
 Colour = tuple[float, float, float]
 FACES = ("-x", "+x", "-y", "+y", "-z", "+z")
@@ -326,3 +326,24 @@ def way_to(azimuth_deg: float, elevation_deg: float) -> np.ndarray:
     """Unit vector, float64 [3]; azimuth from x towards y, elevation towards z."""
     azimuth, elevation = np.radians(azimuth_deg), np.radians(elevation_deg)
     return np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """A camera that goes around `target` for `duration` seconds and then rests.
+
+    From and to are azimuth and elevation (degrees) and distance (metres) of the eye from there.
+    """
+
+    target: tuple[float, float, float]
+    azimuth_deg: tuple[float, float]
+    elevation_deg: tuple[float, float]
+    distance: tuple[float, float]
+    fov_deg: float
+    duration: float
+
+    def __call__(self, time: float) -> Camera:
+        s = gently(time, self.duration)
+        way = way_to(mixed(self.azimuth_deg, s), mixed(self.elevation_deg, s))
+        eye = np.asarray(self.target) + mixed(self.distance, s) * way
+        return Camera(tuple(eye.tolist()), self.target, self.fov_deg)

@@ -16,11 +16,11 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from benchharness.scene import Camera, Environment, Mesh, Object, Reflector, Scene, merged
+from benchharness.scene import Environment, Mesh, Object, Reflector, Scene, merged
 from scenes import angel, parlour
 from scenes.courtyard import METALS
 from scenes.pottery import Fineness, teapot
-from scenes.shapes import box, from_rest_to_rest, gently, mixed, placed, pose, sheet, steps, way_to
+from scenes.shapes import Orbit, box, from_rest_to_rest, mixed, placed, pose, sheet, steps
 
 DetailName = Literal["lean", "paper"]
 
@@ -93,7 +93,7 @@ def statue(detail: DetailName = "lean", moving: bool = True) -> Scene:
             for metal, (x, y, turn_deg) in POTS.items()
             for mesh in [placed(pot, (x, y, -SUNK), turn_deg)]
         ),
-        camera=Orbit(),
+        camera=Orbit((0.0, 0.0, 0.105), (-63.0, -97.0), (11.0, 15.5), (1.16, 1.06), fov_deg=28.0, duration=HALF),
         frames=FRAMES,
         fps=FPS,
         environment=Environment.painted(parlour.painter(ROWS), ROWS, CENTRE),
@@ -102,26 +102,6 @@ def statue(detail: DetailName = "lean", moving: bool = True) -> Scene:
     )
     scene.source.update(detail=detail, moving=moving, base_vertices=scene.vertices)
     return scene
-
-
-@dataclass(frozen=True)
-class Orbit:
-    """The camera: goes around the table for the first half of the time, and then rests.
-
-    From and to are azimuth and elevation (degrees) and distance (metres) of the eye from `target`.
-    """
-
-    target: tuple[float, float, float] = (0.0, 0.0, 0.105)
-    azimuth_deg: tuple[float, float] = (-63.0, -97.0)
-    elevation_deg: tuple[float, float] = (11.0, 15.5)
-    distance: tuple[float, float] = (1.16, 1.06)
-    duration: float = HALF
-
-    def __call__(self, time: float) -> Camera:
-        s = gently(time, self.duration)
-        way = way_to(mixed(self.azimuth_deg, s), mixed(self.elevation_deg, s))
-        eye = np.asarray(self.target) + mixed(self.distance, s) * way
-        return Camera(tuple(eye.tolist()), self.target, fov_deg=28.0)
 
 
 @dataclass(frozen=True)
