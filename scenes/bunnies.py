@@ -42,6 +42,7 @@ FLOOR = 1.17
 FRAMES, FPS = 100, 25.0
 HALF = 50 / FPS
 """When the eye has arrived and the bunny sets out, seconds."""
+CAMERA = Orbit((0.005, 0.0, 0.152), (-128.0, -84.0), (5.5, 8.5), (1.00, 0.90), fov_deg=29.0, duration=HALF)
 
 
 def bunnies(detail: DetailName = "lean", moving: bool = True) -> Scene:
@@ -67,7 +68,7 @@ def bunnies(detail: DetailName = "lean", moving: bool = True) -> Scene:
             Object("floor", floor(TILES), "straight lines and even steps, which show how the mirror bends what it shows"),
         ),
         reflectors=(Reflector("mirror bunny", mirror, mirror, *METALS["silver"]),),
-        camera=Orbit((0.005, 0.0, 0.152), (-128.0, -84.0), (5.5, 8.5), (1.00, 0.90), fov_deg=29.0, duration=HALF),
+        camera=CAMERA,
         frames=FRAMES,
         fps=FPS,
         environment=Environment.painted(meadow.painted, ROWS, centre=(0.0, 0.0, 0.15)),

@@ -63,6 +63,7 @@ SUNK = 0.0005
 FRAMES, FPS = 100, 25.0
 HALF = 50 / FPS
 """When the eye has arrived and the statue sets out, seconds."""
+CAMERA = Orbit((0.0, 0.0, 0.105), (-63.0, -97.0), (11.0, 15.5), (1.16, 1.06), fov_deg=28.0, duration=HALF)
 
 
 def statue(detail: DetailName = "lean", moving: bool = True) -> Scene:
@@ -93,7 +94,7 @@ def statue(detail: DetailName = "lean", moving: bool = True) -> Scene:
             for metal, (x, y, turn_deg) in POTS.items()
             for mesh in [placed(pot, (x, y, -SUNK), turn_deg)]
         ),
-        camera=Orbit((0.0, 0.0, 0.105), (-63.0, -97.0), (11.0, 15.5), (1.16, 1.06), fov_deg=28.0, duration=HALF),
+        camera=CAMERA,
         frames=FRAMES,
         fps=FPS,
         environment=Environment.painted(parlour.painter(ROWS), ROWS, CENTRE),

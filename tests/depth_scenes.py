@@ -169,4 +169,4 @@ def hares(cell: float = 0.012) -> Scene:
     mirror = placed(creature.body(cell), turn_deg=bunnies.MIRROR_DEG)
     things = [(furry, "furry"), (bunnies.floor(6), "floor")]
     objects = [thing(replace(mesh, radiance=smooth(mesh.vertices, 0.1)), name) for mesh, name in things]
-    return scene(objects, [Reflector("mirror", mirror)], bunnies.Orbit(), background=GREY)
+    return scene(objects, [Reflector("mirror", mirror)], bunnies.CAMERA, background=GREY)
