@@ -59,8 +59,14 @@ def run(
 
 @app.command()
 def stability(
+    config: Annotated[
+        Path | None, typer.Argument(help="further settings, a TOML file; everything there is if not given")
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="folder; a new one under results/runs if not given")] = None,
     only: Annotated[list[str] | None, typer.Option(metavar="METHOD", help="run this method; may be repeated")] = None,
+    plugin: Annotated[
+        list[str] | None, typer.Option(metavar="FILE[:NAME]", help="add the method of a file; may be repeated")
+    ] = None,
     regime: Annotated[list[str] | None, typer.Option(metavar="NAME", help="run this regime; may be repeated")] = None,
     severity: Annotated[float | None, typer.Option(help="run this severity")] = None,
 ) -> None:
@@ -70,7 +76,7 @@ def stability(
         from benchharness import runner, stability
 
         folder = out or runner.RUNS / f"stability-{datetime.now():%Y%m%d-%H%M%S}"
-        silent, page = stability.run(folder, only or (), regime or (), severity)
+        silent, page = stability.run(folder, config, plugin or (), only or (), regime or (), severity)
         print(f"{page}: {silent} rows fail silently")
         return FINE
 

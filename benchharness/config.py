@@ -172,22 +172,21 @@ def load(path: Path, extra: Sequence[str] = (), only: Sequence[str] = ()) -> Con
     from benchharness.reference import ReferenceOptions
 
     reference = params.options(ReferenceOptions, document.get("reference", {}), f"{path}: [reference]")
-    entries = list(_entries(document.get("methods", {}), path)) + [_extra(spec) for spec in extra]
-    entries = _distinct(entries)
-    names = list(dict.fromkeys(entry.method for entry in entries))
+    given = distinct([*entries(document.get("methods", {}), path), *(plugged_in(spec) for spec in extra)])
+    names = list(dict.fromkeys(entry.method for entry in given))
     for name in only:
         if name not in names:
             raise ValueError(f"--only: method {plugins.unknown(name, names)}")
-    entries = [entry for entry in entries if not only or entry.method in only]
-    if not entries:
+    kept = [entry for entry in given if not only or entry.method in only]
+    if not kept:
         raise ValueError(f"{path}: there is no method to run; accepted: at least one [methods.NAME] or --plugin FILE")
     method_hashes = {}
-    for entry in entries:
+    for entry in kept:
         try:
             method_hashes[entry.key] = identity.of_method(type(entry.build()))
         except (TypeError, ValueError) as error:
             raise ValueError(f"{path}: [methods.{entry.method}] {entry.params_text}: {error}") from error
-    jobs = [_job(spec, run, entries, path) for spec in _scenes(document.get("scenes", {}), path)]
+    jobs = [_job(spec, run, kept, path) for spec in _scenes(document.get("scenes", {}), path)]
     if not jobs:
         raise ValueError(f"{path}: there is no scene; accepted: at least one [scenes.NAME]")
     places = [(job.facts["scene"], job.facts["detail"]) for job in jobs]
@@ -199,10 +198,10 @@ def load(path: Path, extra: Sequence[str] = (), only: Sequence[str] = ()) -> Con
             )
     determines = {k: v for k, v in asdict(run).items() if k in ("variant", "size", "frames", "seed")}
     config_hash = identity.of_options({"run": determines, "reference": asdict(reference)})
-    return Config(path.stem, path.resolve(), run, reference, jobs, entries, config_hash, method_hashes)
+    return Config(path.stem, path.resolve(), run, reference, jobs, kept, config_hash, method_hashes)
 
 
-def read(path: Path) -> dict[str, Any]:
+def read(path: Path, sections: Sequence[str] = SECTIONS) -> dict[str, Any]:
     """The TOML document. Raises ValueError for what is no file, no TOML, or has unknown sections."""
     if not path.is_file():
         near = plugins.close(path.name, [p.name for p in path.parent.glob("*.toml")])
@@ -212,8 +211,8 @@ def read(path: Path) -> dict[str, Any]:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: not valid TOML: {error}") from None
     for section, content in document.items():
-        if section not in SECTIONS:
-            raise ValueError(f"{path}: section {plugins.unknown(section, SECTIONS)}")
+        if section not in sections:
+            raise ValueError(f"{path}: section {plugins.unknown(section, sections)}")
         if not isinstance(content, dict):
             raise ValueError(f"{path}: {section} is {content!r}; accepted: a table [{section}]")
     return document
@@ -242,7 +241,8 @@ def _run(table: Mapping[str, Any], where: str) -> Run:
     return run
 
 
-def _entries(section: Mapping[str, Any], path: Path) -> Iterator[Entry]:
+def entries(section: Mapping[str, Any], path: Path) -> Iterator[Entry]:
+    """The entries of the tables [methods.NAME]. Raises ValueError for what is wrong in them."""
     discovered = plugins.discover("method") if section else {}
     for name, content in section.items():
         several = isinstance(content, list)
@@ -260,14 +260,20 @@ def _entries(section: Mapping[str, Any], path: Path) -> Iterator[Entry]:
                 yield Entry(name, source, point)
 
 
-def _extra(spec: str) -> Entry:
+def plugged_in(spec: str) -> Entry:
     """An entry for `--plugin`: named like its file, with default parameters."""
     plugin = plugins.from_path("method", spec, Path.cwd(), "--plugin")
     declared = params.of_method(plugin.target)
     return Entry(plugin.name, plugins.absolute(spec, Path.cwd()), params.sweep({}, declared, f"--plugin {spec}")[0])
 
 
-def _distinct(entries: Iterable[Entry]) -> list[Entry]:
+def installed() -> list[Entry]:
+    """Every installed method that loads, with default parameters."""
+    found = {name: plugin for name, plugin in plugins.discover("method").items() if plugin.error is None}
+    return [Entry(name, None, params.sweep({}, params.of_method(p.target), name)[0]) for name, p in found.items()]
+
+
+def distinct(entries: Iterable[Entry]) -> list[Entry]:
     """The entries without repetitions. Raises ValueError if one name stands for two different files."""
     kept: dict[str, Entry] = {}
     sources: dict[str, str | None] = {}

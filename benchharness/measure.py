@@ -18,7 +18,7 @@ import drjit as dr
 import numpy as np
 
 from benchharness import metrics, reference, results, timing, truth
-from benchharness.api import Frame, Method, Reflection
+from benchharness.api import Frame, Method, Reflection, Vertices
 from benchharness.bake import bake
 from benchharness.frame import FrameRenderer
 from benchharness.regime import Seen
@@ -71,18 +71,39 @@ class Bench:
         self, index: int, methods: Mapping[str, Method], watch: Callable[[str], None]
     ) -> tuple[list[dict], list[dict]]:
         """Records and samples of one frame; see `benchharness.worker.Bench`."""
-        chain = run_up(index, self.scene.frames)
-        frames = [self.renderer.render(i) for i in chain]
-        references = [reference.render(self.scene, self.scene.time(i), self.size, self.options, self.seed) for i in chain[-2:]]
+        frames, references = self._frames(index)
         entries = {name: self.entries.setdefault(name, _Entry(method)) for name, method in methods.items()}
         for name, entry in entries.items():
             with self._guarded(name, entry, watch):
                 self._run_up(entry, frames)
+                _warm_up(entry, frames[-1])
         common = self._timed(entries, frames[-1], watch)
-        records = [{"entry": name, **self._record(entry, frames, references, common)} for name, entry in entries.items()]
+        calibration = {"calibration_ms": float(np.median(common["calibration"]))}
+        records = []
+        for name, entry in entries.items():
+            record = self._record(entry, frames, references) | calibration
+            clocks = self._clocks(entry, frames, common) if entry.broken is None else {}
+            records.append({"entry": name, **record, **clocks})
         if self.out is not None:
             self._keep_pictures(index, entries, methods, references[-1])
         return records, list(_samples(entries, common))
+
+    def show(self, index: int, name: str, method: Method) -> tuple[dict, Seen | None]:
+        """What a method shows of one frame: the measured columns but for the clocks, and the pictures; None if it crashed."""
+        frames, references = self._frames(index)
+        entry = _Entry(method)
+        with self._guarded(name, entry, lambda entry: None):
+            self._run_up(entry, frames)
+        record = self._record(entry, frames, references)
+        return record, None if entry.broken is not None else self._seen(entry, frames[-1], references[-1], record)
+
+    def _frames(self, index: int) -> tuple[list[Frame], list[reference.Reference]]:
+        """A frame with its run-up, and the references of the last two."""
+        chain = run_up(index, self.scene.frames)
+        frames = [self.renderer.render(i) for i in chain]
+        return frames, [
+            reference.render(self.scene, self.scene.time(i), self.size, self.options, self.seed) for i in chain[-2:]
+        ]
 
     @contextmanager
     def _guarded(self, name: str, entry: _Entry, watch: Callable[[str], None]) -> Iterator[None]:
@@ -114,8 +135,6 @@ class Bench:
             _check_lanes(reflection, frame)
             image = self._picture(self.renderer.compose(frame, reflection.L))
             entry.shown.append((image, reflection))
-        timing.warm_up(lambda: entry.method.update(entry.outdated, frames[-1]))
-        timing.warm_up(lambda: _timed_part(entry.method.shade(entry.before, frames[-1])))
 
     def _timed(self, entries: dict[str, _Entry], frame: Frame, watch: Callable[[str], None]) -> dict[str, list[float]]:
         """Interleaved rounds of everything; what no method owns is returned: G-buffer, composite, calibration."""
@@ -158,17 +177,16 @@ class Bench:
     def _picture(self, image: Any) -> np.ndarray:
         return np.array(image, np.float32).T.reshape(self.size[1], self.size[0], 3)
 
-    def _record(self, entry: _Entry, frames: list[Frame], references: list, common: dict[str, list[float]]) -> dict:
-        """The measured columns of one row."""
+    def _record(self, entry: _Entry, frames: list[Frame], references: list) -> dict:
+        """The measured columns of one row, but for the clocks."""
         facts = {
             "reflector_px": len(frames[-1].pixels),
             "reference_spp": references[-1].spp,
             "reference_noise": metrics.noise(references[-1], ppd=self.scene.ppd, exposure=self.scene.exposure),
-            "calibration_ms": float(np.median(common["calibration"])),
         }
         if entry.broken is not None:
             return {"status": "crashed", "reason": entry.broken, **facts}
-        record = {"status": "ok", **facts, **self._clocks(entry, frames, common), **self._errors(entry, frames, references)}
+        record = {"status": "ok", **facts, **self._errors(entry, frames, references)}
         record["counters"] = results.params_text(
             {name: int(np.array(count, np.int64).sum()) for name, count in entry.shown[-1][1].counters.items()}
         )
@@ -213,22 +231,18 @@ class Bench:
             record |= self._vertices(entry, frames)
         return record
 
-    def seen(self, name: str, index: int, record: dict) -> Seen:
-        """What entry `name` showed in frame `index`, the last that was run, beside the reference; `record`: its row."""
-        entry = self.entries[name]
-        (image, reflection), frame = entry.shown[-1], self.renderer.render(index)
-        truth_ = reference.render(self.scene, self.scene.time(index), self.size, self.options, self.seed)
+    def _seen(self, entry: _Entry, frame: Frame, truth_: reference.Reference, record: dict) -> Seen:
+        """The last frame that `entry` showed, beside the reference."""
+        image, reflection = entry.shown[-1]
         shape = truth_.mask.shape
         mask = truth_.mask & np.array(frame.active).reshape(shape)
         found, distance = (
             np.broadcast_to(np.array(a), mask.size).reshape(shape) for a in (reflection.found, reflection.distance)
         )
-        vertices = None
-        if reflection.vertices is not None:
-            vertices = {f.name: np.array(getattr(reflection.vertices, f.name)).T for f in fields(reflection.vertices)}
-        error = np.zeros(shape) if entry.error is None else entry.error
+        assert entry.error is not None
         return Seen(
-            image, truth_.image, mask, truth_.reflector, found, distance, truth_.distance, error, vertices, record
+            image, truth_.image, mask, truth_.reflector, found, distance, truth_.distance, entry.error,
+            None if reflection.vertices is None else _arrays(reflection.vertices), record, self.scene, frame.time,
         )  # fmt: skip
 
     def _second(self, error: np.ndarray, second: np.ndarray) -> dict:
@@ -309,6 +323,16 @@ def _check_lanes(reflection: Reflection, frame: Frame) -> None:
         lanes = dr.width(getattr(reflection, name))
         if lanes not in (1, pixels):
             raise ValueError(f"{name} has {lanes} lanes; accepted: {pixels}, one per pixel")
+
+
+def _warm_up(entry: _Entry, frame: Frame) -> None:
+    timing.warm_up(lambda: entry.method.update(entry.outdated, frame))
+    timing.warm_up(lambda: _timed_part(entry.method.shade(entry.before, frame)))
+
+
+def _arrays(vertices: Vertices) -> dict[str, np.ndarray]:
+    """The fields as arrays [N] or [N, 3]."""
+    return {f.name: np.array(getattr(vertices, f.name)).T for f in fields(vertices)}
 
 
 def run_up(index: int, frames: int) -> list[int]:

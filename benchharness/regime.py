@@ -17,6 +17,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from benchharness.scene import Scene
+
 
 @dataclass(frozen=True, eq=False)
 class Seen:
@@ -30,6 +32,7 @@ class Seen:
     error              FLIP map
     vertices           fields of `benchharness.api.Vertices` as NumPy arrays [N] or [N, 3]; None for other methods
     record             the columns of results.csv that were measured
+    scene, time        as drawn; seconds
     """
 
     image: np.ndarray
@@ -42,6 +45,8 @@ class Seen:
     error: np.ndarray
     vertices: dict[str, np.ndarray] | None
     record: dict
+    scene: Scene
+    time: float
 
     def like(self, colour: tuple[float, float, float], tolerance: float = 0.15) -> tuple[np.ndarray, np.ndarray]:
         """Where the method, and the reference, show about this colour inside the mirrors, bool [H, W] each."""

@@ -49,7 +49,7 @@ KEY = ("scene", "detail", "frame", "method", "params")
 STATUSES = ("ok", "refused", "invalid", "timeout", "crashed")
 """From best to worst; a summary shows the worst of its frames."""
 VERDICTS = ("holds", "degrades", "fails", "refuses")
-"""Of the stability suite, see `benchharness.stability.verdict`."""
+"""Of the stability suite, see `benchharness.stability.atlas.verdict`."""
 
 INTEGERS = frozenset(
     "frame vertices triangles reflectors reflector_px nonfinite_px iterations_max reference_spp second_px "
@@ -136,6 +136,11 @@ def image_name(scene: str, detail: str, frame: int, kind: str, method: str | Non
     if params:
         parts.append(hashlib.sha256(params.encode()).hexdigest()[:8])
     return "-".join(parts) + ".png"
+
+
+def picture_name(regime: str, severity: float, label: str) -> str:
+    """Name of a picture of the stability suite."""
+    return safe_name(f"{regime}-{severity:g}-{label}") + ".png"
 
 
 def safe_name(text: str) -> str:

@@ -147,13 +147,13 @@ def _worker(
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=stream,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(entry or os.getcwd() for entry in sys.path)},
+            env=surroundings(),
             start_new_session=True,
         )
     try:
         failed = yield from _events(process, setting.timeout_s, ending)
         if failed is None and process.wait(timeout=LAST_WORDS_S) != 0:
-            failed = f"the worker ended with {_cause(process.returncode)}"
+            failed = f"the worker ended with {cause(process.returncode)}"
         if failed is not None:
             where = "" if ending.entry else " outside any method"
             quoted = _tail(log, start)
@@ -206,7 +206,12 @@ def _events(process: subprocess.Popen, timeout_s: float, ending: _Ending) -> Ite
                 yield event
 
 
-def _cause(code: int) -> str:
+def surroundings() -> dict[str, str]:
+    """The environment of a child that imports what we import."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(entry or os.getcwd() for entry in sys.path)}
+
+
+def cause(code: int) -> str:
     """SIGABRT, or an exit code."""
     if code >= 0:
         return f"exit code {code}"

@@ -53,9 +53,9 @@ class Bench(Protocol):
 
 
 def main(job_file: str) -> None:
-    say = _channel()
+    say = channel()
     job = json.loads(Path(job_file).read_text(encoding="utf-8"))
-    _end_with_parent(job["parent"])
+    end_with_parent(job["parent"])
     faulthandler.enable()
     try:
         _work(job, say)
@@ -104,8 +104,8 @@ def _work(job: dict[str, Any], say: Callable[[dict], None]) -> None:
         say({"event": "frame", "frame": frame, "records": records, "samples": samples})
 
 
-def _channel() -> Callable[[dict], None]:
-    """Keeps the given stdout for our lines, and sends everybody else's to stderr, which is the log."""
+def channel() -> Callable[[dict], None]:
+    """What says our lines of JSON on the given stdout. Everybody else's go to stderr, which is the log."""
     channel = os.dup(1)
     os.dup2(2, 1)
 
@@ -122,7 +122,7 @@ def _plain(value: Any) -> Any:
     return value.item()
 
 
-def _end_with_parent(parent: int) -> None:
+def end_with_parent(parent: int) -> None:
     """The kernel kills us with our parent (Linux); elsewhere we see that stdin is closed. No core files."""
     if sys.platform == "linux":
         import ctypes

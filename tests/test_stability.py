@@ -7,11 +7,11 @@ import csv
 import numpy as np
 import pytest
 
-from benchharness import stability
+from benchharness import results, stability
 from benchharness.regime import miss
-from benchharness.report import matrix
+from benchharness.stability import atlas
 
-REGIMES = stability.regimes()
+REGIMES = atlas.regimes()
 OK = {"status": "ok", "flip": 0.01, "coverage": 1.0, "converged_ratio": None, "wrong_ratio": None, "symptom": None}
 
 
@@ -33,7 +33,7 @@ OK = {"status": "ok", "flip": 0.01, "coverage": 1.0, "converged_ratio": None, "w
     ],
 )
 def test_verdicts(record, expected):
-    assert stability.verdict(OK | record, 0.1)[0] == expected
+    assert atlas.verdict(OK | record, 0.1)[0] == expected
 
 
 def test_masks_miss_each_other_by_what_they_do_not_share():
@@ -60,7 +60,7 @@ def test_a_run_has_a_row_for_every_severity_and_method_and_a_page(tmp_path):
     )
     with open(tmp_path / "run" / "stability.csv", newline="") as stream:
         rows = list(csv.DictReader(stream))
-    assert list(rows[0]) == stability.COLUMNS
+    assert list(rows[0]) == atlas.COLUMNS
     found = {row["method"]: row for row in rows}
     assert set(found) == {"environment_map", "ray_traced"}
     assert found["ray_traced"]["verdict"] == "holds" and float(found["ray_traced"]["symptom"]) < 0.05
@@ -70,7 +70,7 @@ def test_a_run_has_a_row_for_every_severity_and_method_and_a_page(tmp_path):
     assert all(row["nonfinite_px"] == "0" for row in rows)
     text = page.read_text()
     assert page.name == "stability.html" and "environment_map" in text and "data:image/png;base64" in text
-    assert (tmp_path / "run" / "images" / matrix.picture_name("contact", 0.0, "ray_traced")).is_file()
+    assert (tmp_path / "run" / "images" / results.picture_name("contact", 0.0, "ray_traced")).is_file()
 
 
 def test_bad_input_is_refused_with_what_would_be_accepted(tmp_path):

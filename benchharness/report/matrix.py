@@ -6,7 +6,6 @@ One file that opens without a network. Reads stability.csv and images/; never re
 from __future__ import annotations
 
 import base64
-import csv
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from matplotlib.figure import Figure
 from benchharness import results
 from benchharness.report.chart import STYLE
 from benchharness.report.points import looks
+from benchharness.stability import tables
 
 
 @dataclass(frozen=True)
@@ -34,16 +34,12 @@ class Cell:
 
 def write(folder: Path) -> Path:
     """Writes stability.html. Raises ValueError where stability.csv is missing or has no rows."""
-    table = folder / "stability.csv"
-    if not table.is_file():
-        raise ValueError(f"{table}: there is no such file; accepted: a folder of the stability suite")
-    with open(table, newline="", encoding="utf-8") as stream:
-        rows = list(csv.DictReader(stream))
-    if not rows:
-        raise ValueError(f"{table}: no rows; accepted: the results of the stability suite")
-    regimes, methods = (list(dict.fromkeys(row[key] for row in rows)) for key in ("regime", "method"))
+    rows = tables.read(folder / "stability.csv")
+    for row in rows:
+        row["label"] = f"{row['method']} {row['setting']}".strip()
+    regimes, methods = (list(dict.fromkeys(row[key] for row in rows)) for key in ("regime", "label"))
     cells = {
-        (r, m): _cell(folder, [row for row in rows if (row["regime"], row["method"]) == (r, m)])
+        (r, m): _cell(folder, [row for row in rows if (row["regime"], row["label"]) == (r, m)])
         for r in regimes
         for m in methods
     }
@@ -75,25 +71,21 @@ def _cell(folder: Path, rows: list[dict]) -> Cell | None:
     order = ("fails", "degrades", "refuses", "holds")
     worst = min((row["verdict"] for row in rows), key=order.index)
     shown = next(row for row in rows if row["verdict"] == worst) if worst != "holds" else rows[-1]
-    file = folder / "images" / picture_name(shown["regime"], float(shown["severity"]), shown["method"])
+    file = folder / "images" / results.picture_name(shown["regime"], float(shown["severity"]), shown["label"])
     data = f"data:image/png;base64,{base64.b64encode(file.read_bytes()).decode()}" if file.is_file() else ""
     return Cell(rows, worst, shown, data)
-
-
-def picture_name(regime: str, severity: float, method: str) -> str:
-    return results.safe_name(f"{regime}-{severity:g}-{method}") + ".png"
 
 
 def _curves(rows: Sequence[dict]) -> Markup:
     """The error of every method against the severity, as an SVG; severities evenly, in their order."""
     severities = list(dict.fromkeys(row["severity"] for row in rows))
-    styles = looks([{"method": row["method"]} for row in rows])
+    styles = looks([{"method": row["label"]} for row in rows])
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(4.6, 2.6), layout="constrained")
         axes = figure.subplots()
         for method, look in styles.items():
             own = [(severities.index(r["severity"]), float(r["symptom"] or r["flip"])) for r in rows
-                   if r["method"] == method and (r["symptom"] or r["flip"])]  # fmt: skip
+                   if r["label"] == method and (r["symptom"] or r["flip"])]  # fmt: skip
             if own:
                 axes.plot(*zip(*own, strict=True), color=look.colour, marker="o", markersize=3, linewidth=1.2, label=method)
         axes.axhline(float(rows[0]["bound"]), color="#6B7280", linewidth=0.8, linestyle="--")

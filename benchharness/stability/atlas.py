@@ -1,0 +1,152 @@
+"""The failure atlas: every method in every regime, from mild to severe; what holds, what fails, and whether it says so.
+
+A regime is a module of `scenes.stress` (`benchharness.regime`). A row of stability.csv is one regime at one severity with one
+method and its parameters.
+"""
+
+from __future__ import annotations
+
+import importlib
+import itertools
+import pkgutil
+import shlex
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchharness import results
+from benchharness.config import Entry
+from benchharness.regime import Regime
+from benchharness.scene import Scene
+from benchharness.stability import plan
+
+STRESS = "scenes.stress"
+FILE = "stability.csv"
+COLUMNS = (
+    "regime entry severity method setting params verdict why symptom symptom_name flip bound flip_p95 coverage converged_ratio "
+    "wrong_ratio nonfinite_px iterations_max residual_px_max reflector_px status reason command"
+).split()
+CERTAIN = 0.999  # share of pixels found, or of vertices converged, below which a method has said that something is wrong
+
+Regimes = dict[str, tuple[Regime, Callable[[float], Scene]]]
+
+
+def verdict(record: Mapping[str, Any], bound: float) -> tuple[str, str]:
+    """The verdict on one row, and what it rests on.
+
+    holds     the error is under the bound
+    degrades  it is over it, and the method says so: pixels without an answer, or vertices that did not converge
+    fails     it is over it and the method is silent; or it ended, or answered what is no number, or wrong roots as right
+    refuses   the method said beforehand that it cannot
+    """
+    if record["status"] == "refused":
+        return "refuses", record.get("reason") or ""
+    if record["status"] != "ok":
+        return "fails", record.get("reason") or record["status"]
+    if (record.get("wrong_ratio") or 0) > 0:
+        return "fails", f"{100 * record['wrong_ratio']:.2g} % of the points called converged are wrong"
+    error, name = (record["flip"], "FLIP") if record.get("symptom") is None else (record["symptom"], "symptom")
+    if error is None:
+        return "holds", "no mirror in view"
+    if error <= bound:
+        return "holds", f"{name} {error:.3g}"
+    said = [
+        f"{column.partition('_')[0]} {record[column]:.3f}"
+        for column in ("coverage", "converged_ratio")
+        if record.get(column) is not None and record[column] < CERTAIN
+    ]
+    return ("degrades", ", ".join(said)) if said else ("fails", f"{name} {error:.3g}, and silent")
+
+
+def regimes() -> Regimes:
+    """All regimes and their builders by name: the modules of `scenes.stress` that have a REGIME and a function of their name.
+
+    Raises ValueError for one that has only one of the two.
+    """
+    try:
+        home = importlib.import_module(STRESS)
+    except ModuleNotFoundError:
+        return {}
+    found: Regimes = {}
+    for name in sorted(m.name for m in pkgutil.iter_modules(home.__path__)):
+        module = importlib.import_module(f"{STRESS}.{name}")
+        regime, builder = getattr(module, "REGIME", None), getattr(module, name, None)
+        if (regime is None) != (not callable(builder)):
+            raise ValueError(f"{STRESS}.{name} has {'no REGIME' if regime is None else f'no function {name}'}; accepted: both")
+        if isinstance(regime, Regime) and builder is not None:
+            found[name] = replace(regime, name=name), builder
+    return found
+
+
+def units(entries: Sequence[Entry], names: Sequence[str], severity: float | None) -> dict[str, list[dict[str, Any]]]:
+    """What is to be measured, by regime. Raises ValueError for a severity that a regime does not have."""
+    found = regimes()
+    groups = {}
+    for name in names:
+        severities = found[name][0].severities
+        if severity is not None and severity not in severities:
+            given = ", ".join(f"{s:g}" for s in severities)
+            raise ValueError(f"--severity is {severity:g}; accepted for {name}: {given}")
+        groups[name] = [
+            {"regime": name, "severity": s, "entry": asdict(entry)}
+            for s in (severities if severity is None else [severity])
+            for entry in entries
+        ]
+    return groups
+
+
+def work(units: Sequence[dict[str, Any]], folder: Path) -> Iterator[dict[str, Any]]:
+    """Measures units of one regime; see `benchharness.stability.children`. Pictures go to `folder`."""
+    from benchharness.measure import Bench
+    from benchharness.reference import ReferenceOptions
+
+    found = regimes()
+    for (name, severity), group in itertools.groupby(units, lambda unit: (unit["regime"], unit["severity"])):
+        regime, build = found[name]
+        scene = replace(build(severity), name=f"{name}[{severity:g}]")
+        bench = Bench(scene, regime.size, ReferenceOptions(max_depth=regime.max_depth, spp=2), None, 0, (1, 1))
+        for entry in (Entry(**unit["entry"]) for unit in group):
+            method = entry.build()
+            refusal = method.refuses(bench.scene)
+            if refusal is not None:
+                yield {"status": "refused", "reason": refusal}
+                continue
+            record, seen = bench.show(regime.frame, entry.key, method)
+            if seen is not None:
+                record["symptom"] = _symptom(regime, seen)
+                _keep_picture(folder, regime, severity, plan.label(entry), seen, scene.exposure)
+            yield record
+
+
+def row(unit: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:
+    """The row of `FILE`."""
+    regime, entry = regimes()[unit["regime"]][0], Entry(**unit["entry"])
+    judged, why = verdict(record, regime.bound)
+    command = (
+        f"benchharness stability --regime {regime.name} --severity {unit['severity']:g} --only {shlex.quote(plan.label(entry))}"
+    )
+    return {
+        **{column: record.get(column) for column in COLUMNS},
+        "regime": regime.name, "entry": regime.entry, "severity": unit["severity"],
+        "method": entry.method, "setting": plan.setting(entry), "params": entry.params_text,
+        "verdict": judged, "why": why, "symptom_name": regime.symptom, "bound": regime.bound, "command": command,
+    }  # fmt: skip
+
+
+def _keep_picture(folder: Path, regime: Regime, severity: float, label: str, seen: Any, exposure: float) -> None:
+    """The method's picture, the reference and the error, side by side."""
+    from benchharness import metrics
+
+    pictures = [metrics.tonemap(image, exposure) for image in (seen.image, seen.truth)]
+    whole = np.concatenate([*pictures, metrics.error_picture(seen.error)], axis=1)
+    metrics.save_png(folder / results.picture_name(regime.name, severity, label), whole)
+
+
+def _symptom(regime: Regime, seen: Any) -> float | None:
+    if isinstance(regime.measure, str):
+        return seen.record.get(regime.measure)
+    value = regime.measure(seen)
+    return None if value is None or not np.isfinite(value) else float(value)
