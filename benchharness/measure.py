@@ -76,7 +76,8 @@ class Bench:
         for name, entry in entries.items():
             with self._guarded(name, entry, watch):
                 self._run_up(entry, frames)
-                _warm_up(entry, frames[-1])
+                if entry.broken is None:
+                    _warm_up(entry, frames[-1])
         common = self._timed(entries, frames[-1], watch)
         calibration = {"calibration_ms": float(np.median(common["calibration"]))}
         records = []
