@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from benchharness import results
 from benchharness.report.chart import STYLE
 from benchharness.report.points import looks
-from benchharness.stability import tables
+from benchharness.stability.tables import read
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Cell:
 
 def write(folder: Path) -> Path:
     """Writes stability.html. Raises ValueError where stability.csv is missing or has no rows."""
-    rows = tables.read(folder / "stability.csv")
+    rows = read(folder / "stability.csv")
     for row in rows:
         row["label"] = f"{row['method']} {row['setting']}".strip()
     regimes, methods = (list(dict.fromkeys(row[key] for row in rows)) for key in ("regime", "label"))
