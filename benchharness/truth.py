@@ -17,21 +17,26 @@ LONGEST = 0.25  # barycentric; Newton's own steps overshoot on triangles as larg
 INSIDE = 1e-6  # barycentric tolerance: a point on an edge belongs to both triangles
 
 
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Over the last axis, which is short: several times faster than NumPy's own sums there."""
+    return np.einsum("...i,...i->...", a, b)
+
+
 def _unit(v: np.ndarray) -> np.ndarray:
-    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-300)
+    return v / np.maximum(np.sqrt(_dot(v, v)), 1e-300)[..., None]
 
 
 def _mismatch(
     b: np.ndarray, p: np.ndarray, n: np.ndarray, eye: np.ndarray, V: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Half vector minus normal, seen along two tangents [..., 2], with point and normal; b [..., 2], p and n [..., 3, 3]."""
-    weights = np.concatenate([1 - b.sum(axis=-1, keepdims=True), b], axis=-1)[..., None]
-    P, N = (weights * p).sum(axis=-2), _unit((weights * n).sum(axis=-2))
+    weights = np.concatenate([1 - b[..., :1] - b[..., 1:], b], axis=-1)
+    P, N = np.einsum("...k,...ki->...i", weights, p), _unit(np.einsum("...k,...ki->...i", weights, n))
     h = _unit(_unit(eye - P) + _unit(V - P))
     s = _unit(p[..., 1, :] - p[..., 0, :])
     t = np.cross(_unit(np.cross(p[..., 1, :] - p[..., 0, :], p[..., 2, :] - p[..., 0, :])), s)
     f = h - N
-    return np.stack([(f * s).sum(-1), (f * t).sum(-1)], axis=-1), P, N
+    return np.stack([_dot(f, s), _dot(f, t)], axis=-1), P, N
 
 
 def reflection_points(
@@ -51,13 +56,13 @@ def reflection_points(
     eye, V, near = np.asarray(eye, np.float64), np.asarray(V, np.float64), np.asarray(near, np.float64)
     centre, centre_n = vertices[faces].mean(axis=1), _unit(normals[faces].sum(axis=1))
     to_eye = _unit(eye - centre)
-    facing = (to_eye * centre_n).sum(axis=1) > 0
+    facing = _dot(to_eye, centre_n) > 0
     candidates = min(candidates, len(faces))
     chosen = np.empty((len(V), 2 * candidates), np.int64)
     chosen[:, candidates:] = KDTree(centre).query(near, candidates)[1].reshape(len(V), candidates)
     for i in range(len(V)):
         s = to_eye + _unit(V[i] - centre)
-        agreement = np.where(facing, (s * centre_n).sum(axis=1) / np.maximum(np.linalg.norm(s, axis=1), 1e-12), -1)
+        agreement = np.where(facing, _dot(s, centre_n) / np.maximum(np.sqrt(_dot(s, s)), 1e-12), -1)
         chosen[i, :candidates] = np.argpartition(-agreement, candidates - 1)[:candidates]
     p, n = vertices[faces[chosen]], normals[faces[chosen]]
     V_ = V[:, None, :]
@@ -74,7 +79,7 @@ def reflection_points(
         b = np.clip(b - np.clip(step / det[..., None], -LONGEST, LONGEST), -4, 4)
     f, P, N = _mismatch(b, p, n, eye, V_)
     inside = (b >= -INSIDE).all(axis=-1) & (b.sum(axis=-1) <= 1 + INSIDE)
-    valid = inside & (np.abs(f).max(axis=-1) < 1e-7) & ((eye - P) * N).sum(-1).__gt__(0) & ((V_ - P) * N).sum(-1).__gt__(0)
+    valid = inside & (np.abs(f).max(axis=-1) < 1e-7) & (_dot(eye - P, N) > 0) & (_dot(V_ - P, N) > 0)
     return P, valid
 
 
