@@ -118,6 +118,8 @@ class Reflection:
     found     False where the method has no answer
     vertices  for vertex-driven methods
     counters  name -> one integer array, summed by the harness: deterministic work of this frame
+    doubt     True where the method has an answer and knows that it may show the wrong thing, or the right one more than
+              two pixels off; None from a method that never knows
     """
 
     L: mi.Color3f
@@ -125,6 +127,7 @@ class Reflection:
     found: mi.Bool
     vertices: Vertices | None = None
     counters: dict[str, mi.UInt32] = field(default_factory=dict)
+    doubt: mi.Bool | None = None
 
 
 class Method(ABC):

@@ -237,12 +237,13 @@ class Bench:
         image, reflection = entry.shown[-1]
         shape = truth_.mask.shape
         mask = truth_.mask & np.array(frame.active).reshape(shape)
-        found, distance = (
-            np.broadcast_to(np.array(a), mask.size).reshape(shape) for a in (reflection.found, reflection.distance)
+        found, doubt, distance = (
+            np.broadcast_to(np.array(a), mask.size).reshape(shape)
+            for a in (reflection.found, False if reflection.doubt is None else reflection.doubt, reflection.distance)
         )
         assert entry.error is not None
         return Seen(
-            image, truth_.image, mask, truth_.reflector, found, distance, truth_.distance, entry.error,
+            image, truth_.image, mask, truth_.reflector, found, doubt, distance, truth_.distance, entry.error,
             None if reflection.vertices is None else _arrays(reflection.vertices), record, self.scene, frame.time,
         )  # fmt: skip
 
@@ -320,7 +321,9 @@ class Bench:
 def _check_lanes(reflection: Reflection, frame: Frame) -> None:
     """Raises ValueError for an answer that has neither one lane per pixel nor one for all."""
     pixels = frame.view.width * frame.view.height
-    for name in ("L", "distance", "found"):
+    for name in ("L", "distance", "found", "doubt"):
+        if name == "doubt" and reflection.doubt is None:
+            continue
         lanes = dr.width(getattr(reflection, name))
         if lanes not in (1, pixels):
             raise ValueError(f"{name} has {lanes} lanes; accepted: {pixels}, one per pixel")
@@ -344,9 +347,9 @@ def run_up(index: int, frames: int) -> list[int]:
 
 
 def _timed_part(shaded: tuple[Reflection, Any]) -> tuple:
-    """What a frame needs of `shade`: the picture and the state that the next frame starts from."""
+    """What a frame needs of `shade`: the picture, what is known of its errors, and the state that the next frame starts from."""
     reflection, state = shaded
-    return reflection.L, reflection.distance, reflection.found, state
+    return reflection.L, reflection.distance, reflection.found, reflection.doubt, state
 
 
 def _samples(entries: dict[str, _Entry], common: dict[str, list[float]]) -> Iterator[dict]:

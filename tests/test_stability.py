@@ -12,7 +12,15 @@ from benchharness.regime import miss
 from benchharness.stability import atlas
 
 REGIMES = atlas.regimes()
-OK = {"status": "ok", "flip": 0.01, "coverage": 1.0, "converged_ratio": None, "wrong_ratio": None, "symptom": None}
+OK = {
+    "status": "ok",
+    "flip": 0.01,
+    "coverage": 1.0,
+    "doubted": 0.0,
+    "converged_ratio": None,
+    "wrong_ratio": None,
+    "symptom": None,
+}
 
 
 @pytest.mark.parametrize(
@@ -20,12 +28,16 @@ OK = {"status": "ok", "flip": 0.01, "coverage": 1.0, "converged_ratio": None, "w
     [
         ({}, "holds"),
         ({"flip": 0.3}, "fails"),
-        ({"flip": 0.3, "coverage": 0.9}, "degrades"),
+        ({"flip": 0.3, "coverage": 0.9, "trusted": 0.05}, "degrades"),
+        ({"flip": 0.3, "coverage": 0.9, "trusted": 0.2}, "fails"),
+        ({"flip": 0.3, "doubted": 0.1, "trusted": 0.05}, "degrades"),
+        ({"flip": 0.3, "doubted": 0.1, "trusted": 0.2}, "fails"),
+        ({"flip": 0.3, "doubted": 0.0, "trusted": 0.05}, "fails"),
         ({"flip": 0.3, "converged_ratio": 0.9}, "degrades"),
         ({"flip": 0.3, "coverage": 1.0, "converged_ratio": 1.0}, "fails"),
         ({"flip": 0.3, "symptom": 0.05}, "holds"),
         ({"symptom": 0.3}, "fails"),
-        ({"wrong_ratio": 0.01, "coverage": 0.5}, "fails"),
+        ({"wrong_ratio": 0.01, "coverage": 0.5, "trusted": 0.0}, "fails"),
         ({"flip": None}, "holds"),
         ({"status": "refused", "reason": "no"}, "refuses"),
         ({"status": "crashed", "reason": "it ended"}, "fails"),

@@ -26,10 +26,10 @@ from benchharness.stability import plan
 STRESS = "scenes.stress"
 FILE = "stability.csv"
 COLUMNS = (
-    "regime entry severity method setting params verdict why symptom symptom_name flip bound flip_p95 coverage converged_ratio "
+    "regime entry severity method setting params verdict why symptom symptom_name bound trusted doubted flip flip_p95 coverage converged_ratio "
     "wrong_ratio nonfinite_px iterations_max residual_px_max reflector_px status reason command"
 ).split()
-CERTAIN = 0.999  # share of pixels found, or of vertices converged, below which a method has said that something is wrong
+CERTAIN = 0.999  # share of pixels trusted, or of vertices converged, below which a method has said that something is wrong
 
 Regimes = dict[str, tuple[Regime, Callable[[float], Scene]]]
 
@@ -38,7 +38,8 @@ def verdict(record: Mapping[str, Any], bound: float) -> tuple[str, str]:
     """The verdict on one row, and what it rests on.
 
     holds     the error is under the bound
-    degrades  it is over it, and the method says so: pixels without an answer, or vertices that did not converge
+    degrades  it is over it, and the method says so: it is under it where the method has an answer that it does not doubt; or
+              vertices did not converge
     fails     it is over it and the method is silent; or it ended, or answered what is no number, or wrong roots as right
     refuses   the method said beforehand that it cannot
     """
@@ -48,17 +49,18 @@ def verdict(record: Mapping[str, Any], bound: float) -> tuple[str, str]:
         return "fails", record.get("reason") or record["status"]
     if (record.get("wrong_ratio") or 0) > 0:
         return "fails", f"{100 * record['wrong_ratio']:.2g} % of the points called converged are wrong"
-    error, name = (record["flip"], "FLIP") if record.get("symptom") is None else (record["symptom"], "symptom")
+    measured = record.get("symptom") is not None
+    error, name = (record["symptom"], "symptom") if measured else (record["flip"], "FLIP")
     if error is None:
         return "holds", "no mirror in view"
     if error <= bound:
         return "holds", f"{name} {error:.3g}"
-    said = [
-        f"{column.partition('_')[0]} {record[column]:.3f}"
-        for column in ("coverage", "converged_ratio")
-        if record.get(column) is not None and record[column] < CERTAIN
-    ]
-    return ("degrades", ", ".join(said)) if said else ("fails", f"{name} {error:.3g}, and silent")
+    trusted = record.get("trusted")
+    if trusted is not None and trusted <= bound and record["coverage"] - record["doubted"] < CERTAIN:
+        return "degrades", f"{name} {error:.3g}, {trusted:.3g} where trusted: {record['coverage'] - record['doubted']:.2f}"
+    if record.get("converged_ratio") is not None and record["converged_ratio"] < CERTAIN:
+        return "degrades", f"{name} {error:.3g}, converged {record['converged_ratio']:.3f}"
+    return "fails", f"{name} {error:.3g}, and silent"
 
 
 def regimes() -> Regimes:
@@ -116,7 +118,8 @@ def work(units: Sequence[dict[str, Any]], folder: Path) -> Iterator[dict[str, An
                 continue
             record, seen = bench.show(regime.frame, entry.key, method)
             if seen is not None:
-                record["symptom"] = _symptom(regime, seen)
+                record["symptom"], record["trusted"] = _symptom(regime, seen), _symptom(regime, seen.trusted())
+                record["doubted"] = float((seen.doubt & seen.found)[seen.mask].mean()) if seen.mask.any() else 0.0
                 _keep_picture(folder, regime, severity, plan.label(entry), seen, scene.exposure)
             yield record
 
