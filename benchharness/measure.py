@@ -347,7 +347,7 @@ def run_up(index: int, frames: int) -> list[int]:
 
 
 def _timed_part(shaded: tuple[Reflection, Any]) -> tuple:
-    """What a frame needs of `shade`: the picture, what is known of its errors, and the state that the next frame starts from."""
+    """What a frame needs of `shade`: the picture, the doubts, and the state that the next frame starts from."""
     reflection, state = shaded
     return reflection.L, reflection.distance, reflection.found, reflection.doubt, state
 

@@ -26,8 +26,8 @@ from benchharness.stability import plan
 STRESS = "scenes.stress"
 FILE = "stability.csv"
 COLUMNS = (
-    "regime entry severity method setting params verdict why symptom symptom_name bound trusted doubted flip flip_p95 coverage converged_ratio "
-    "wrong_ratio nonfinite_px iterations_max residual_px_max reflector_px status reason command"
+    "regime entry severity method setting params verdict why symptom symptom_name bound trusted doubted flip flip_p95 coverage "
+    "converged_ratio wrong_ratio nonfinite_px iterations_max residual_px_max reflector_px status reason command"
 ).split()
 CERTAIN = 0.999  # share of pixels trusted, or of vertices converged, below which a method has said that something is wrong
 
