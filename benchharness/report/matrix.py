@@ -24,48 +24,55 @@ from benchharness.stability.tables import read
 
 @dataclass(frozen=True)
 class Cell:
-    """One method in one regime: its rows from mild to severe, its worst verdict, and the row that shows it."""
+    """One method in one regime: its rows from mild to severe, its worst verdict, and the row that shows it: the mildest that
+    has it. `picture`: a data: URL of the method's picture, the reference and the error; empty for none."""
 
     rows: list[dict]
     worst: str
     shown: dict
     picture: str
 
+    @property
+    def silent(self) -> list[dict]:
+        return [row for row in self.rows if row["verdict"] == "fails"]
+
+
+@dataclass(frozen=True)
+class Line:
+    """A regime: what its rows have in common, a cell per method (None where it did not run), and its curves."""
+
+    name: str
+    first: dict
+    cells: list[Cell | None]
+    curves: Markup
+
 
 def write(folder: Path) -> Path:
     """Writes stability.html. Raises ValueError where stability.csv is missing or has no rows."""
     rows = read(folder / "stability.csv")
-    for row in rows:
+    for number, row in enumerate(rows):
         row["label"] = f"{row['method']} {row['setting']}".strip()
-    regimes, methods = (list(dict.fromkeys(row[key] for row in rows)) for key in ("regime", "label"))
-    cells = {
-        (r, m): _cell(folder, [row for row in rows if (row["regime"], row["label"]) == (r, m)])
-        for r in regimes
-        for m in methods
-    }
+        row["id"] = f"row-{number + 1}"
+    methods = list(dict.fromkeys(row["label"] for row in rows))
+    lines = [_line(folder, name, [row for row in rows if row["regime"] == name], methods)
+             for name in dict.fromkeys(row["regime"] for row in rows)]  # fmt: skip
     loader = jinja2.FileSystemLoader(Path(__file__).parent)
     page = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined).get_template(
         "matrix.html.jinja"
     )
-    text = page.render(
-        regimes=[
-            (r, next(row for row in rows if row["regime"] == r), _curves([x for x in rows if x["regime"] == r]))
-            for r in regimes
-        ],
-        methods=methods,
-        cells=cells,
-        verdicts=results.VERDICTS,
-        silent=[row for row in rows if row["verdict"] == "fails"],
-        counts={v: sum(row["verdict"] == v for row in rows) for v in results.VERDICTS},
-        total=len(rows),
-    )
+    tallies = [{v: sum(row["verdict"] == v for row in rows if row["label"] == m) for v in results.VERDICTS} for m in methods]
+    text = page.render(rows=rows, lines=lines, methods=methods, tallies=tallies, verdicts=results.VERDICTS, extras=[])
     file = folder / "stability.html"
     results.write_atomic(file, text)
     return file
 
 
+def _line(folder: Path, name: str, rows: list[dict], methods: list[str]) -> Line:
+    cells = [_cell(folder, [row for row in rows if row["label"] == method]) for method in methods]
+    return Line(name, rows[0], cells, _curves(rows))
+
+
 def _cell(folder: Path, rows: list[dict]) -> Cell | None:
-    """None where the regime did not run for the method."""
     if not rows:
         return None
     order = ("fails", "degrades", "refuses", "holds")

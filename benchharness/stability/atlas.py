@@ -26,8 +26,9 @@ from benchharness.stability import plan
 STRESS = "scenes.stress"
 FILE = "stability.csv"
 COLUMNS = (
-    "regime entry severity method setting params verdict why symptom symptom_name bound trusted doubted flip flip_p95 coverage "
-    "converged_ratio wrong_ratio nonfinite_px iterations_max residual_px_max reflector_px status reason command"
+    "regime title entry severity severity_name method setting params verdict why limit symptom symptom_name bound "
+    "trusted doubted flip flip_p95 coverage converged_ratio wrong_ratio nonfinite_px iterations_max residual_px_max "
+    "reflector_px status reason command"
 ).split()
 CERTAIN = 0.999  # share of pixels trusted, or of vertices converged, below which a method has said that something is wrong
 
@@ -133,7 +134,8 @@ def row(unit: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:
     )
     return {
         **{column: record.get(column) for column in COLUMNS},
-        "regime": regime.name, "entry": regime.entry, "severity": unit["severity"],
+        "regime": regime.name, "title": regime.title, "entry": regime.entry,
+        "severity": unit["severity"], "severity_name": regime.severity,
         "method": entry.method, "setting": plan.setting(entry), "params": entry.params_text,
         "verdict": judged, "why": why, "symptom_name": regime.symptom, "bound": regime.bound, "command": command,
     }  # fmt: skip
