@@ -190,6 +190,17 @@ def test_the_surroundings_are_seen_in_the_mirror_at_infinity() -> None:
     assert np.isinf(result.distance).all()
 
 
+def test_no_ray_slips_into_a_closed_mirror_between_its_triangles() -> None:
+    """The ball's edges lie along rays through pixel centres. Near the outline, normals turn some reflections into the ball."""
+    ball = sphere(1.0, (0, 0, 0), 96, 48)
+    camera = Camera(eye=(0, 0, 4), target=(0, 0, 0), fov_deg=32.0, up=(0, 1, 0))
+    result = render(scene([], [Reflector("ball", ball)], camera, (0.5, 0.5, 0.5)), 0.0, (160, 120))
+    row, column = np.indices((120, 160)) + 0.5
+    radius = np.sqrt(result.mask.sum() / np.pi)
+    inner = np.hypot(row - 60, column - 80) < 0.9 * radius
+    assert result.mask[inner].all() and (result.image[inner] > 0.4).all() and np.isinf(result.distance[inner]).all()
+
+
 def test_an_open_mirror_reflects_on_both_sides() -> None:
     behind = Camera(eye=(0, 3, 0), target=(0, 1, 0), fov_deg=30.0)
     result = render(replace(through_a_mirror(behind), background=(1.0, 1.0, 1.0)), 0.0, (4, 4))

@@ -32,6 +32,8 @@ COLUMNS = (
 ).split()
 CERTAIN = 0.999  # share of pixels trusted, or of vertices converged, below which a method has said that something is wrong
 
+MARGIN = 4  # pixels around the mirrors in the pictures
+
 Regimes = dict[str, tuple[Regime, Callable[[float], Scene]]]
 
 
@@ -142,12 +144,17 @@ def row(unit: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _keep_picture(folder: Path, regime: Regime, severity: float, label: str, seen: Any, exposure: float) -> None:
-    """The method's picture, the reference and the error, side by side."""
+    """The method's picture, the reference and the error, side by side: the mirrors and a little around, which is darker."""
     from benchharness import metrics
 
+    rows, columns = np.nonzero(seen.mask)
+    top, left = (max(int(axis.min(initial=0)) - MARGIN, 0) for axis in (rows, columns))
+    bottom, right = (int(axis.max(initial=2 * MARGIN)) + MARGIN + 1 for axis in (rows, columns))
     pictures = [metrics.tonemap(image, exposure) for image in (seen.image, seen.truth)]
-    whole = np.concatenate([*pictures, metrics.error_picture(seen.error)], axis=1)
-    metrics.save_png(folder / results.picture_name(regime.name, severity, label), whole)
+    pictures = [np.where(seen.mask[..., None], picture, picture // 2) for picture in pictures]
+    whole = [picture[top:bottom, left:right] for picture in (*pictures, metrics.error_picture(seen.error))]
+    file = folder / results.picture_name(regime.name, severity, label)
+    metrics.save_png(file, np.concatenate(whole, axis=1))
 
 
 def _symptom(regime: Regime, seen: Any) -> float | None:
