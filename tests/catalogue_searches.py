@@ -235,7 +235,7 @@ TRAVELS = {
     "mirror max": ("not given", 3, 12), "on_ray max": ("0.71", 0.6, 0.9), "subtexel max": ("0.10", 0, 0.1),
     "mirror jitter": ("2.48", 2, 3.2), "on_ray jitter": ("0.88", 0.75, 1), "subtexel jitter": ("0.007", 0, 0.01),
 }  # fmt: skip
-BY_DISTANCE = "grows with the distances and grazing angles of the draw: farther than 4, median 1.7, largest 20"
+BY_DISTANCE = "grows with the distances and grazing angles of the draw: to 4 away here; to 8, median 1.7, largest 20"
 
 ROWS: list[Row | Elsewhere] = [
     *_costs(),
