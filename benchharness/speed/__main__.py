@@ -2,7 +2,8 @@
 
 `python -m benchharness.speed` times the kitchen: everything warm, in interleaved rounds. What is compared with what is in
 `benchharness.speed.rivals`, what `--vertices` adds in `benchharness.speed.tessellation`, what `--iterations` adds in
-`benchharness.speed.iterations`, and what `--impostors` adds in `benchharness.speed.impostors`. Into the folder go
+`benchharness.speed.iterations`, what `--impostors` adds in `benchharness.speed.impostors`, and what `--complexity` adds in
+`benchharness.speed.complexity`. Into the folder go
 
     speed.csv          a row per rival: medians, how many times as long the rival takes, with its 95 % interval
     samples.csv        every time behind them
@@ -10,6 +11,7 @@
     iterations.csv     a row per way to search; iterations.png
     impostors.csv      a row per number of a paper's tables and ours; impostors-samples.csv, impostor-edges.png,
                        impostor-cost.png
+    complexity.csv     a row per mirror and method; complexity-samples.csv
     environment.json   machine, software, and what was asked for
 """
 
@@ -67,6 +69,7 @@ def speed(
     vertices: bool = False,
     iterations: bool = False,
     impostors: bool = False,
+    complexity: bool = False,
 ) -> None:
     """Times, prints and writes everything. Raises ValueError for numbers that make no sense and a folder in use."""
     for name, value, least in (("width", size[0], 1), ("height", size[1], 1), ("frame", frame, 0), ("rounds", rounds, 2)):
@@ -108,6 +111,8 @@ def speed(
             _iterations(out, drawn, size, frame, console)
         if impostors:
             _impostors(out, size, detail, rounds, console)
+        if complexity:
+            _complexity(out, still, size, frame, rounds, console)
     console.print(str(out))
 
 
@@ -148,6 +153,16 @@ def _impostors(out: Path, size: tuple[int, int], detail: str, rounds: int, conso
     edges.strip(found.panels, out / "impostor-edges.png")
     study.chart(found.rows, out / "impostor-cost.png")
     console.print(plain_table(found.rows, ("table", "setting", "quantity", "ours", "unit", "paper")))
+
+
+def _complexity(out: Path, scene: Scene, size: tuple[int, int], frame: int, rounds: int, console: Console) -> None:
+    from benchharness.speed import complexity
+
+    with console.status("") as status:
+        rows, samples = complexity.study(scene, size, frame, rounds, status.update)
+    write_csv(out / "complexity.csv", rows, complexity.COLUMNS)
+    write_csv(out / "complexity-samples.csv", samples, complexity.SAMPLE_COLUMNS)
+    console.print(plain_table(rows, ("shape", "dents", "triangles", "method", "shade_ms", "update_ms", "flip", "coverage")))
 
 
 def write_csv(path: Path, rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> None:
@@ -192,11 +207,12 @@ def main(
     vertices: Annotated[bool, typer.Option("--vertices", help="also: time and error against the number of vertices")] = False,
     iterations: Annotated[bool, typer.Option("--iterations", help="also: steps that reflection points take")] = False,
     impostors: Annotated[bool, typer.Option("--impostors", help="also: a paper's tables of impostors, beside ours")] = False,
+    complexity: Annotated[bool, typer.Option("--complexity", help="also: time and error against the mirror's shape")] = False,
 ) -> None:
     """Time the harness's own stages and whole frames against Embree and llvmpipe."""
     folder = out or Path("results") / "runs" / f"speed-{datetime.now():%Y%m%d-%H%M%S}"
     try:
-        speed(folder, size, frame, detail, rounds, Console(), vertices, iterations, impostors)
+        speed(folder, size, frame, detail, rounds, Console(), vertices, iterations, impostors, complexity)
     except (ValueError, NotADirectoryError, PermissionError, platform.EnvironmentBroken) as error:
         Console(stderr=True, soft_wrap=True).print(f"error: {error}", style="red", markup=False, highlight=False)
         raise typer.Exit(BROKEN_ENVIRONMENT if isinstance(error, platform.EnvironmentBroken) else WRONG_INPUT) from None

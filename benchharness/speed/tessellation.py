@@ -64,7 +64,7 @@ def study(
             for name in methods:
                 say(f"{detail}: {name} at {scene.vertices} vertices")
                 if method(name).refuses(stage.scene) is None:
-                    errors, works[detail, name, scene.vertices] = _case(name, stage, truth)
+                    errors, works[detail, name, scene.vertices] = case(name, stage, truth)
                     rows.append({**seen, "method": name, **errors})
     times, _ = interleaved(works, rounds, lambda done: say(f"round {done} of {rounds}"))
     for row in rows:
@@ -96,7 +96,7 @@ def _unreflected(stage: Stage):
     return work
 
 
-def _case(name: str, stage: Stage, truth: reference.Reference):
+def case(name: str, stage: Stage, truth: reference.Reference):
     """What a method's picture is worth, and what is to be timed."""
     kind, scene = method(name), stage.scene
     state = stage.warmed(kind)
