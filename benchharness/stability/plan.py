@@ -1,8 +1,11 @@
 """What a run of the suite does: a TOML file, or everything there is.
 
+    [atlas]          see `Atlas`
+    [motion]         see `Motion`
+    [perturbation]   see `Perturbation`
     [methods.NAME]   further settings of a method, as in a study; every installed method runs with its defaults anyway
 
-Nothing has to be listed: a method, a regime or a scene that is there is run.
+Nothing has to be listed: a method or a regime that is there is run.
 """
 
 from __future__ import annotations
@@ -10,22 +13,62 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from benchharness import config, params, plugins
 from benchharness.config import Entry
 
-SECTIONS = ("methods",)
+STUDIES = ("atlas", "motion", "perturbation")
+SECTIONS = (*STUDIES, "methods")
+
+Count = Annotated[int, Field(ge=1)]
+
+
+@dataclass(frozen=True)
+class Atlas:
+    """[atlas]. `regimes`: their names; all if empty."""
+
+    regimes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Motion:
+    """[motion].
+
+    scenes    names of scenes, or `file.py:Name`
+    kinds     "steady", "cut", "teleport"
+    frames    of a steady run
+    substeps  frames per frame of the scene's own animation
+    start     frame of that animation at which runs begin; where most moves if not given
+    size      width, height in pixels
+    """
+
+    scenes: tuple[str, ...] = ("kitchen", "ufo", "kettle", "ant", "teapots")
+    kinds: tuple[Literal["steady", "cut", "teleport"], ...] = ("steady", "cut", "teleport")
+    frames: Annotated[int, Field(ge=3)] = 24
+    substeps: Count = 4
+    start: Annotated[int, Field(ge=0)] | None = None
+    size: tuple[Count, Count] = (320, 228)
+
+
+@dataclass(frozen=True)
+class Perturbation:
+    """[perturbation]. `scenes`: their names; all if empty."""
+
+    scenes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Plan:
-    """
-    entries   methods with their parameters
-    regimes   names
-    """
+    """`entries`: methods with their parameters. `studies`: which of STUDIES are done."""
 
     entries: list[Entry]
-    regimes: list[str]
+    studies: list[str]
+    atlas: Atlas
+    motion: Motion
+    perturbation: Perturbation
 
 
 def setting(entry: Entry) -> str:
@@ -39,27 +82,34 @@ def label(entry: Entry) -> str:
     return f"{entry.method} {setting(entry)}".strip()
 
 
-def load(path: Path | None, extra: Sequence[str], only: Sequence[str], regimes: Sequence[str]) -> Plan:
+def load(path: Path | None, extra: Sequence[str] = (), only: Sequence[str] = (), studies: Sequence[str] = ()) -> Plan:
     """The plan of a TOML file, or of everything there is.
 
     extra    methods to add: `file.py` or `file.py:Name`, relative to the working folder
     only     names or labels of the methods to keep; all if empty
-    regimes  names of the regimes to keep; all if empty
+    studies  those of STUDIES to keep; all if empty
 
     Raises ValueError for what is wrong in the file or in a name.
     """
-    from benchharness.stability import atlas
-
     document = {} if path is None else config.read(path, SECTIONS)
+    kinds = {"atlas": Atlas, "motion": Motion, "perturbation": Perturbation}
+    options = {name: params.options(kind, document.get(name, {}), f"{path}: [{name}]") for name, kind in kinds.items()}
     further = config.entries(document.get("methods", {}), path or Path())
     entries = config.distinct([*config.installed(), *(config.plugged_in(spec) for spec in extra), *further])
     labels = {label(entry): entry for entry in entries}
     for name in only:
         if name not in labels and name not in {entry.method for entry in entries}:
             raise ValueError(f"--only: method {plugins.unknown(name, list(labels))}")
+    for name in studies:
+        if name not in STUDIES:
+            raise ValueError(f"--study: study {plugins.unknown(name, STUDIES)}")
     kept = [e for text, e in labels.items() if not only or text in only or e.method in only]
-    available = list(atlas.regimes())
-    for name in regimes:
+    return Plan(kept, [name for name in STUDIES if not studies or name in studies], **options)
+
+
+def chosen(asked: Sequence[str], available: Sequence[str], what: str) -> list[str]:
+    """Those that were asked for, all if none. Raises ValueError for one that there is not."""
+    for name in asked:
         if name not in available:
-            raise ValueError(f"--regime: regime {plugins.unknown(name, available)}")
-    return Plan(kept, [name for name in available if not regimes or name in regimes])
+            raise ValueError(f"{what} {plugins.unknown(name, available)}")
+    return [name for name in available if not asked or name in asked]
