@@ -4,25 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchharness.regime import Regime, Seen, miss
+from benchharness.regime import Regime
 from benchharness.scene import Reflector, Scene
 from scenes import shapes
-from scenes.stress.minimal import GREEN, RED, eye, sphere, stage, thing
-
-
-def shown(seen: Seen) -> float | None:
-    return miss(*seen.like(RED))
-
+from scenes.stress.minimal import GREEN, RED, eye, misplaced, sphere, stage, thing
 
 REGIME = Regime(
-    entry="I-05, I-15",
+    entry="I-05, I-15, I-19",
     title="The other side",
     severity="width of the mirror, in distances of the ball from it",
     severities=(0.5, 1.0, 2.0, 4.0),
     symptom="share of the red side's images, its own and the true one, that is not in both",
     bound=0.3,
     why="the red side is a sickle of 30 to 100 pixels",
-    measure=shown,
+    measure=misplaced(RED),
 )
 
 
