@@ -296,3 +296,17 @@ def test_unbaked_objects_and_odd_options_are_refused() -> None:
     half = replace(room, reflectors=(replace(room.reflectors[0], k=None),))
     with pytest.raises(ValueError, match="reflector ball: eta"):
         mitsuba_scene(half, 0.0, "transport")
+
+
+def test_no_ray_slips_through_a_mirror_where_it_runs_along_an_edge() -> None:
+    """Seen along its axis, a ball has edges on the diagonals of the picture, where the middles of pixels are."""
+    size, away, fov_deg = (120, 120), 4.0, 32.0
+    camera = Camera((0.0, 0.0, away), (0.0, 0.0, 0.0), fov_deg, (0.0, 1.0, 0.0))
+    ball = sphere(1.0, (0.0, 0.0, 0.0), slices=96, stacks=48)
+    made = render(scene([], [Reflector("mirror", ball)], camera, (0.3, 0.36, 0.45)), 0.0, size)
+    # The outline is at asin(1 / away); rays parting from the rim of facets may meet facets: leave out its last 5 %.
+    y, x = np.indices(size) + 0.5 - 60.0
+    edge = np.tan(np.arcsin(1 / away)) * 60.0 / np.tan(np.radians(0.5 * fov_deg))
+    inside = np.hypot(x, y) < 0.95 * edge
+    assert made.mask[inside].all() and not made.second[inside].any()
+    np.testing.assert_allclose(made.image[inside], np.broadcast_to((0.3, 0.36, 0.45), (inside.sum(), 3)), rtol=1e-5)
