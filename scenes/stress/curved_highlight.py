@@ -8,7 +8,7 @@ from benchharness.regime import Regime
 from benchharness.scene import Mesh, Reflector, Scene
 from scenes import shapes
 from scenes.stress.highlight import shine
-from scenes.stress.minimal import GREY, eye, glossy_floor, stage
+from scenes.stress.minimal import DARK, GREY, eye, glossy_floor, stage
 
 REGIME = Regime(
     entry="P-04",
@@ -25,7 +25,7 @@ REGIME = Regime(
 def curved_highlight(severity: float) -> Scene:
     floor, lamp = glossy_floor(200.0)
     mirror = Reflector("mirror", bulging(severity))
-    return stage([floor], [mirror], eye((0.0, 0.6, 4.0), fov_deg=36.0), lights=(lamp,))
+    return stage([floor], [mirror], eye((0.0, 0.6, 4.0), fov_deg=36.0), background=DARK, lights=(lamp,))
 
 
 def bulging(curvature: float) -> Mesh:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from benchharness.regime import Regime, Seen, miss
 from benchharness.scene import Scene
-from scenes.stress.minimal import eye, flat, glossy_floor, stage
+from scenes.stress.minimal import DARK, eye, flat, glossy_floor, stage
 
 
 def shine(seen: Seen) -> float | None:
@@ -27,4 +27,4 @@ REGIME = Regime(
 
 def highlight(severity: float) -> Scene:
     floor, lamp = glossy_floor(severity)
-    return stage([floor], [flat((1.8, 1.0))], eye((0.0, 0.6, 4.0), fov_deg=36.0), lights=(lamp,))
+    return stage([floor], [flat((1.8, 1.0))], eye((0.0, 0.6, 4.0), fov_deg=36.0), background=DARK, lights=(lamp,))

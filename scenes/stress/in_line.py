@@ -14,7 +14,7 @@ REGIME = Regime(
     severity="distance of both discs' middle vertices from the axis, in radii of the mirror",
     severities=(1.0, 0.3, 0.1, 0.01, 0.0),
     symptom="share of either disc's images, its own and the true one, that is not in both; the worse of both",
-    bound=0.2,
+    bound=0.12,
     why="a ring of 12 pixels and a disc of 18, right but for half a pixel along their borders",
     measure=misplaced(RED, GREEN),
 )

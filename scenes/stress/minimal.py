@@ -15,7 +15,7 @@ from benchharness.scene import Camera, Gloss, Mesh, Motion, Object, PointLight, 
 from scenes import shapes
 
 RED, GREEN, BLUE, YELLOW = (0.85, 0.1, 0.08), (0.1, 0.65, 0.2), (0.12, 0.25, 0.85), (0.9, 0.75, 0.1)
-GREY, SKY = (0.45, 0.45, 0.45), (0.3, 0.36, 0.45)
+GREY, SKY, DARK = (0.45, 0.45, 0.45), (0.3, 0.36, 0.45), (0.05, 0.06, 0.08)
 FINE = 48
 
 

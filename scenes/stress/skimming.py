@@ -24,6 +24,6 @@ def skimming(severity: float) -> Scene:
     mirror = flat((3.0, 3.0))
     lying = replace(mirror, mesh=mirror.mesh.transformed(pose("x", -90.0)))
     wall = grid((-3.0, 0.05, -2.9), (6.0, 0.0, 0.0), (0.0, 3.0, 0.0), (24, 12))
-    ball = sphere(0.4, (0.5, 0.6, -1.0), 24)
+    ball = sphere(0.25, (0.5, 0.5, -1.0), 24)
     look = eye((0.0, severity, 2.5), (0.0, severity - 0.3, 0.0), 40.0)
     return stage([thing("wall", wall), thing("ball", ball, RED)], [lying], look)
