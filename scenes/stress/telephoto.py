@@ -1,4 +1,7 @@
-"""A telephoto lens on a small ball's image: texels and pixels are smaller than single precision likes."""
+"""A telephoto lens on a small ball's image: texels and pixels are smaller than single precision likes.
+
+Not below a quarter of a degree, where a pixel of the ball is as small as what a ray of the reference starts above the mirror.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ REGIME = Regime(
     entry="F-18",
     title="Narrow field of view",
     severity="field of view, degrees",
-    severities=(8.0, 2.0, 0.5, 0.125, 0.03),
+    severities=(8.0, 2.0, 1.0, 0.5, 0.25),
     symptom="share of the ball's images, its own and the true one, that is not in both",
     bound=0.1,
     why="an image of 1000 pixels, the same for all fields of view, right but for half a pixel along its border",

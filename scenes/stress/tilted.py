@@ -23,5 +23,5 @@ REGIME = Regime(
 
 def tilted(severity: float) -> Scene:
     turn, mirror = pose("x", -severity), flat((1.5, 1.5))
-    cube = shapes.box((-0.3, -0.3, 0.0), (0.3, 0.3, 0.6), RED).transformed(turn)
+    cube = shapes.box((-1.1, -0.3, 0.0), (-0.5, 0.3, 0.6), RED).transformed(turn)
     return stage([thing("cube", cube, RED)], [replace(mirror, mesh=mirror.mesh.transformed(turn))])
