@@ -1,4 +1,5 @@
-"""A bowl that becomes deeper, until its wall shows its other wall."""
+"""A bowl that becomes deeper, until its wall shows its other wall. The reference shows all bounces; rays that are followed over
+one mirror end black there."""
 
 from __future__ import annotations
 
