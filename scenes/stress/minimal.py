@@ -124,8 +124,8 @@ def checkered_floor(y: float = -1.2, half: float = 4.0, cells: int = 32) -> Obje
 def glossy_floor(exponent: float) -> tuple[Object, PointLight]:
     """A dark floor with a highlight of this exponent, before the plane z = 0, and a light over it that nothing hides."""
     fine = np.linspace(0, 1, 41)
-    mesh = lit(shapes.sheet((-3.0, -1.0, 0.0), (0.0, 0.0, 6.0), (6.0, 0.0, 0.0), fine, fine, GREY))
-    mesh = replace(mesh, radiance=0.1 * mesh.radiance, visibility=np.ones((len(mesh.vertices), 1)))
+    mesh = lit(shapes.sheet((-3.0, -1.0, 0.0), (0.0, 0.0, 6.0), (6.0, 0.0, 0.0), fine, fine, GREY), (0.045, 0.045, 0.045))
+    mesh = replace(mesh, visibility=np.ones((len(mesh.vertices), 1)))
     intensity = 700.0 / (exponent + 8)  # so that the peak does not depend on the exponent
     floor = Object("floor", mesh, "its highlight", gloss=Gloss((0.9, 0.9, 0.9), exponent))
     return floor, PointLight((0.8, 0.0, 4.0), (intensity, intensity, intensity))
