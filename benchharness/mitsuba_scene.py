@@ -71,7 +71,7 @@ def mitsuba_scene(scene: Scene, time: float, lighting: str, marks: Sequence[np.n
         around = {"type": "constant", "radiance": _rgb((0, 0, 0))}
     if around is not None:
         content["background"] = around
-    # Without this, rays that meet a mesh exactly in an edge slip through it, and a ball shows its inside in single pixels.
+    # A ray through the middle of a pixel may run along an edge, and must not slip through.
     return mi.load_dict({"type": "scene", "embree_use_robust_intersections": True, **content})
 
 

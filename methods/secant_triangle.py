@@ -26,6 +26,7 @@ Where we differ:
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
@@ -40,7 +41,6 @@ from benchharness.kernels.frozen import frozen
 from benchharness.scene import Reflector, Scene
 
 WIDENING = 1.25  # of tan(fov / 2), of the mirror's picture whose planes "emdt_mirror" mirrors in
-REFUSAL_RESOLUTION = 32  # texels; enough to see that a mirror is not star-shaped
 FARTHEST = 4.0  # scene diagonals: longest distance that "screen_linear" tells apart
 
 
@@ -128,7 +128,7 @@ class SecantTriangle(Method):
     def refuses(self, scene: Scene) -> str | None:
         for reflector in scene.reflectors:
             try:
-                _star(reflector, REFUSAL_RESOLUTION)
+                _star(reflector, self.resolution, starmap.check)
             except starmap.NotStarShapedError as error:
                 return f"reflector {reflector.name}: {error}"
         return None
@@ -177,16 +177,17 @@ class SecantTriangle(Method):
         return reflection, State(seen, state.mirrors, shown.ends, frame.view, state.d_max)
 
 
-def _star(reflector: Reflector, resolution: int):
-    """The map of a reflector and the mesh that it is of: its closed stand-in if that is star-shaped, else the sheet."""
+def _star(reflector: Reflector, resolution: int, make: Callable = starmap.build):
+    """The map of a reflector, or what else `make` makes of its mesh, and that mesh: its closed stand-in if that is star-shaped,
+    else the sheet."""
     meshes = [mesh for mesh in (reflector.closed, reflector.mesh) if mesh is not None]
     for mesh in meshes[:-1]:
         try:
-            return starmap.build(mesh.vertices, mesh.normals, mesh.faces, resolution), mesh
+            return make(mesh.vertices, mesh.normals, mesh.faces, resolution), mesh
         except starmap.NotStarShapedError:
             pass
     mesh = meshes[-1]
-    return starmap.build(mesh.vertices, mesh.normals, mesh.faces, resolution), mesh
+    return make(mesh.vertices, mesh.normals, mesh.faces, resolution), mesh
 
 
 @frozen

@@ -11,8 +11,12 @@ from mirror_room import balls, error, mirror_ball, scene, shaded, still, walls
 from scipy.ndimage import binary_erosion
 
 from benchharness import plugins
+from benchharness.kernels import starmap
+from benchharness.scene import Reflector
 from methods.environment_map import EnvironmentMap
 from methods.ray_traced import RayTraced
+from methods.secant_triangle import SecantTriangle
+from scenes.stress.curved_highlight import bulging
 
 METHODS = {name: plugin.target for name, plugin in plugins.discover("method").items() if plugin.error is None}
 OWN = ("environment_map", "image_space_search", "newton", "ray_traced", "secant_triangle")
@@ -218,3 +222,13 @@ def test_other_methods_take_any_mirror(method, name):
         expected = picture(made)
         both = binary_erosion(expected.mask & answer.active, iterations=1)
         assert (np.abs(answer.L - expected.image)[both].max(axis=1) > 1e-3).mean() < 0.01
+
+
+def test_a_sheet_that_few_texels_take_for_star_shaped_is_refused_as_the_map_itself_does():
+    """A rectangle of a sphere of 100 m: some directions from its middle graze it, and 32 texels miss that."""
+    sheet = bulging(0.01)
+    starmap.build(sheet.vertices, sheet.normals, sheet.faces, 32)
+    said = SecantTriangle().refuses(scene((walls(),), (Reflector("sheet", sheet),)))
+    with pytest.raises(starmap.NotStarShapedError) as error:
+        starmap.build(sheet.vertices, sheet.normals, sheet.faces, SecantTriangle().resolution)
+    assert said == f"reflector sheet: {error.value}"

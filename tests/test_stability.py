@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ import pytest
 from benchharness import results, stability
 from benchharness.regime import miss
 from benchharness.stability import atlas
+from scenes import stress
 
 REGIMES = atlas.regimes()
 OK = {
@@ -64,6 +67,24 @@ def test_every_regime_has_scenes_that_need_no_light_and_say_what_they_ask(name):
         scene = build(severity)
         assert scene.reflectors and all(o.mesh.radiance is not None for o in scene.objects)
         assert scene.vertices < 120_000
+
+
+CATALOGUE = {"F": 35, "I": 27, "P": 10}
+"""How many entries the catalogue of failures has, by letter."""
+
+
+def test_every_entry_of_the_catalogue_is_shown_by_regimes_or_tested_elsewhere_or_out_of_reach():
+    table = dict(re.findall(r"^ +([FIP]-\d\d) (none: \S.*|[\w/.]+(?:, \w+)*)", stress.__doc__ or "", re.MULTILINE))
+    assert list(table) == [f"{letter}-{n:02d}" for letter, count in CATALOGUE.items() for n in range(1, count + 1)]
+    claimed = {entry: [] for entry in table}
+    for name, (regime, _) in REGIMES.items():
+        for entry in regime.entry.split(", "):
+            claimed[entry].append(name)
+    for entry, where in table.items():
+        if where.startswith("tests/"):
+            assert (Path(__file__).parent.parent / where).is_file() and not claimed[entry], entry
+        else:
+            assert ([] if where.startswith("none: ") else where.split(", ")) == claimed[entry], entry
 
 
 def test_a_run_has_a_row_for_every_severity_and_method_and_a_page(tmp_path):

@@ -81,6 +81,24 @@ def build(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, n: int) 
 
     Raises NotStarShapedError.
     """
+    centre, d, r, normal, hit, steep, side = _checked(vertices, normals, faces, n)
+    cosine = (d * normal).sum(axis=1)
+    covered = hit & ~steep
+    if (~hit).mean() <= TOLERATED:  # a closed surface: rays that slip through at edges are no holes
+        side_by = np.flatnonzero(covered)[KDTree(d[covered]).query(d[~covered])[1]] if not covered.all() else []
+        r[~covered], normal[~covered], covered = r[side_by], normal[side_by], np.ones_like(covered)
+        cosine = (d * normal).sum(axis=1)
+    gradient = np.where(covered[:, None], d - normal / np.where(covered, cosine, 1)[:, None], 0)
+    return packed(np.where(covered, r, 1), gradient, covered, centre, side, n)
+
+
+def check(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, n: int) -> None:
+    """Raises NotStarShapedError exactly where `build` does, at less cost."""
+    _checked(vertices, normals, faces, n)
+
+
+def _checked(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, n: int):
+    """Centre, directions d [T, 3], what `_met` tells of them but for second hits, whether they graze [T], and the side."""
     centre = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
     d = directions(n)
     r, normal, hit, again = _met(vertices, normals, faces, centre, d)
@@ -99,13 +117,7 @@ def build(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, n: int) 
             f"it is not star-shaped: {100 * steep.mean():.1f} % of the rays from its centre {place} "
             "graze it or meet it from the other side"
         )
-    covered = hit & ~steep
-    if (~hit).mean() <= TOLERATED:  # a closed surface: rays that slip through at edges are no holes
-        side_by = np.flatnonzero(covered)[KDTree(d[covered]).query(d[~covered])[1]] if not covered.all() else []
-        r[~covered], normal[~covered], covered = r[side_by], normal[side_by], np.ones_like(covered)
-        cosine = (d * normal).sum(axis=1)
-    gradient = np.where(covered[:, None], d - normal / np.where(covered, cosine, 1)[:, None], 0)
-    return packed(np.where(covered, r, 1), gradient, covered, centre, side, n)
+    return centre, d, r, normal, hit, steep, side
 
 
 def _met(vertices, normals, faces, centre, d) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

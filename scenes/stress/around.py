@@ -4,14 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchharness.regime import Regime, Seen, miss
+from benchharness.regime import Regime
 from benchharness.scene import Scene, merged
-from scenes.stress.minimal import RED, sphere, stage, thing
-
-
-def shown(seen: Seen) -> float | None:
-    return miss(*seen.like(RED))
-
+from scenes.stress.minimal import RED, misplaced, sphere, stage, thing
 
 REGIME = Regime(
     entry="I-04",
@@ -21,7 +16,7 @@ REGIME = Regime(
     symptom="share of the beads' images, their own and the true ones, that is not in both",
     bound=0.35,
     why="twelve images of 20 to 100 pixels, right but for half a pixel along their borders",
-    measure=shown,
+    measure=misplaced(RED),
 )
 
 

@@ -4,14 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchharness.regime import Regime, Seen, miss
+from benchharness.regime import Regime
 from benchharness.scene import Scene, merged
-from scenes.stress.minimal import GREEN, RED, sphere, stage, thing
-
-
-def shown(seen: Seen) -> float | None:
-    return miss(*seen.like(RED))
-
+from scenes.stress.minimal import GREEN, RED, misplaced, sphere, stage, thing
 
 REGIME = Regime(
     entry="I-14",
@@ -21,7 +16,7 @@ REGIME = Regime(
     symptom="share of the near ball's images, its own and the true one, that is not in both",
     bound=0.2,
     why="an image of 300 pixels that is right but for half a pixel along its border",
-    measure=shown,
+    measure=misplaced(RED),
 )
 
 

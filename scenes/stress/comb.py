@@ -4,15 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchharness.regime import Regime, Seen, miss
+from benchharness.regime import Regime
 from benchharness.scene import Scene, merged
 from scenes import shapes
-from scenes.stress.minimal import RED, stage, thing
-
-
-def shown(seen: Seen) -> float | None:
-    return miss(*seen.like(RED))
-
+from scenes.stress.minimal import RED, misplaced, stage, thing
 
 REGIME = Regime(
     entry="I-12, I-13",
@@ -22,7 +17,7 @@ REGIME = Regime(
     symptom="share of the comb's images, its own and the true one, that is not in both",
     bound=0.35,
     why="teeth of 2 to 8 pixels, right but for half a pixel along their sides",
-    measure=shown,
+    measure=misplaced(RED),
 )
 
 

@@ -19,6 +19,6 @@ REGIME = Regime(
 
 
 def concave(severity: float) -> Scene:
-    bowl = cap(sphere(), 0.3, inside_out=True)
+    bowl = cap(sphere(), 0.75, inside_out=True)
     ball = thing("ball", sphere(0.08, (0.0, 0.0, 1.0 - severity), 24), RED)
-    return stage([ball], [Reflector("mirror", bowl)], eye((0.25, 0.0, -2.0), (0.0, 0.0, 0.8), 40.0))
+    return stage([ball], [Reflector("mirror", bowl)], eye((0.4, 0.0, -1.5), (0.0, 0.0, 0.9), 34.0))

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchharness.regime import Regime, Seen, miss
+from benchharness.regime import Regime
 from benchharness.scene import Scene
-from scenes.stress.minimal import RED, sphere, stage, thing
+from scenes.stress.minimal import RED, misplaced, sphere, stage, thing
 
 RADIUS = 0.3
-
-
-def shown(seen: Seen) -> float | None:
-    return miss(*seen.like(RED))
 
 
 REGIME = Regime(
@@ -23,7 +19,7 @@ REGIME = Regime(
     symptom="share of the ball's images, its own and the true one, that is not in both",
     bound=0.2,
     why="an image of 300 pixels that is right but for half a pixel along its border",
-    measure=shown,
+    measure=misplaced(RED),
 )
 
 

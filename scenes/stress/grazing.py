@@ -4,14 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchharness.regime import Regime, Seen, miss
+from benchharness.regime import Regime
 from benchharness.scene import Scene
-from scenes.stress.minimal import RED, sphere, stage, thing
-
-
-def shown(seen: Seen) -> float | None:
-    return miss(*seen.like(RED))
-
+from scenes.stress.minimal import RED, misplaced, sphere, stage, thing
 
 REGIME = Regime(
     entry="F-01",
@@ -21,7 +16,7 @@ REGIME = Regime(
     symptom="share of the ball's images, its own and the true one, that is not in both",
     bound=0.35,
     why="the image is a sliver at the outline, 2 to 6 pixels wide",
-    measure=shown,
+    measure=misplaced(RED),
 )
 
 

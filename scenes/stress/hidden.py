@@ -7,7 +7,7 @@ from benchharness.scene import Scene
 from scenes.stress.minimal import grid, stage, thing
 
 REGIME = Regime(
-    entry="F-06, F-13",
+    entry="F-06, F-12, F-13",
     title="Hidden vertices",
     severity="edge of the wall's triangles, in radii of the mirror",
     severities=(0.1, 0.25, 0.5, 1.0, 2.0),

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from benchharness.regime import Regime, Seen, miss
+from benchharness.regime import Regime
 from benchharness.scene import Scene, subdivided
 from scenes import shapes
-from scenes.stress.minimal import RED, grid, stage, thing
-
-
-def shown(seen: Seen) -> float | None:
-    return miss(*seen.like(RED))
-
+from scenes.stress.minimal import RED, grid, misplaced, stage, thing
 
 REGIME = Regime(
     entry="F-16",
@@ -20,7 +15,7 @@ REGIME = Regime(
     symptom="share of the sticker's images, its own and the true one, that is not in both",
     bound=0.2,
     why="a border a pixel wide around 400 pixels",
-    measure=shown,
+    measure=misplaced(RED),
 )
 
 

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from benchharness.regime import Regime, Seen, miss
+from benchharness.regime import Regime
 from benchharness.scene import Scene, subdivided
 from scenes import shapes
-from scenes.stress.minimal import YELLOW, stage, thing
-
-
-def shown(seen: Seen) -> float | None:
-    return miss(*seen.like(YELLOW))
-
+from scenes.stress.minimal import YELLOW, misplaced, stage, thing
 
 REGIME = Regime(
     entry="F-14",
@@ -20,7 +15,7 @@ REGIME = Regime(
     symptom="share of the bar's images, its own and the true one, that is not in both",
     bound=0.3,
     why="the bar's image is 2 to 5 pixels wide: half a pixel along both sides",
-    measure=shown,
+    measure=misplaced(YELLOW),
 )
 
 

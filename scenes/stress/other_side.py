@@ -1,34 +1,35 @@
-"""A ball whose far side has another colour, which a large mirror sees from its ends."""
+"""A ball whose far side, seen from the mirror's middle, has another colour: an eye at a slant sees it in the mirror."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from benchharness.regime import Regime, Seen, miss
-from benchharness.scene import Reflector, Scene
-from scenes import shapes
-from scenes.stress.minimal import GREEN, RED, eye, sphere, stage, thing
+from benchharness.regime import Regime, Seen
+from benchharness.scene import Scene
+from scenes.stress.minimal import GREEN, RED, eye, flat, sphere, stage, thing, towards
 
 
-def shown(seen: Seen) -> float | None:
-    return miss(*seen.like(RED))
+def differing(seen: Seen) -> float | None:
+    """Of the pixels that show the ball in either picture, the share that does not show the same side of it in both."""
+    (own_red, red), (own_green, green) = seen.like(RED), seen.like(GREEN)
+    same, all_of_it = (own_red & red) | (own_green & green), own_red | red | own_green | green
+    return None if not all_of_it.any() else 1.0 - float(same.sum() / all_of_it.sum())
 
 
 REGIME = Regime(
-    entry="I-05, I-15",
+    entry="I-05, I-15, I-19",
     title="The other side",
-    severity="width of the mirror, in distances of the ball from it",
-    severities=(0.5, 1.0, 2.0, 4.0),
-    symptom="share of the red side's images, its own and the true one, that is not in both",
-    bound=0.3,
-    why="the red side is a sickle of 30 to 100 pixels",
-    measure=shown,
+    severity="angle of the eye from the line through the mirror's middle and the ball, degrees",
+    severities=(20.0, 40.0, 60.0, 75.0),
+    symptom="share of the ball's images, its own and the true one, that is not the same side of it in both",
+    bound=0.2,
+    why="an image of 800 pixels, right but for half a pixel along its borders, and for a sickle that is 2 pixels wide at first",
+    measure=differing,
 )
 
 
 def other_side(severity: float) -> Scene:
-    ball = sphere(0.3, (0.0, 0.0, 1.0), 32)
-    side = np.where((np.abs(ball.vertices[:, 0]) > 0.12)[:, None], RED, GREEN)
-    half = 0.5 * severity
-    mirror = shapes.sheet((-half, -0.6, 0.0), (2 * half, 0.0, 0.0), (0.0, 1.2, 0.0), [0.0, 1.0], [0.0, 1.0], GREEN)
-    return stage([thing("ball", ball, side)], [Reflector("mirror", mirror)], eye((0.0, 1.2, 3.5), (0.0, 0.0, 0.0), 50.0))
+    ball = sphere(0.3, (0.0, 0.0, 1.0), 48)
+    side = np.where((ball.vertices[:, 2] > 1.0 + 1e-6)[:, None], RED, GREEN)
+    look = eye(5.0 * towards(severity) + (0.0, 1.0, 0.0), (0.0, 0.0, -0.5), 16.0)
+    return stage([thing("ball", ball, side)], [flat((5.0, 1.5))], look)

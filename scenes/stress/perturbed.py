@@ -11,7 +11,7 @@ from benchharness.scene import Scene
 from scenes.stress.minimal import grid, s1, sphere, stage, thing
 
 REGIME = Regime(
-    entry="F-12, F-15",
+    entry="F-15",
     title="Perturbed vertices",
     severity="noise of the vertices, mirror included, in radii of the mirror",
     severities=(0.0, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3),

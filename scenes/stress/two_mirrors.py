@@ -1,4 +1,4 @@
-"""Two mirrors that come near each other; the reference shows one bounce."""
+"""Two mirrors that come near each other. The reference shows all bounces; rays that are followed over one mirror end black."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ REGIME = Regime(
     severities=(3.0, 1.0, 0.3, 0.1, 0.0),
     symptom="FLIP in the mirrors",
     bound=0.1,
-    why="a checkered floor differs by this when its edges are a pixel off",
+    why="a checkered floor differs by this when its edges are a pixel off; the reference shows all bounces",
     measure="flip",
     max_depth=16,
 )
