@@ -4,10 +4,10 @@ The scene is shown once more, dark but for three objects: one that shines red, o
 In every mirror the centroid of one colour is where the image of one object is, to a fraction of a pixel; it is compared
 with the reference's, frame by frame. Mirrors are ideal here, and what shows a second reflection is left out.
 
-A centroid of pixels is known as well as its edges are sampled. Every pixel is asked at 2 x 2 places, at + 0.25 and + 0.75,
-by shifting the picture and not by enlarging it: what a method decides by the size of its picture stays as it is.
-The reference shows which object it sees at each of those places. What sampling alone does is measured with it: its centroids
-from a quarter of the places tremble about those from all.
+A centroid is known as well as its edges are sampled. Every pixel is asked at SIDE x SIDE places, by shifting the picture and
+not by enlarging it: what a method decides by the size of its picture stays as it is. The reference shows which object it sees
+at each of those places. What sampling alone does is measured with it: its centroids from every SIDE-th place in each direction
+tremble about those from all.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from benchharness.frame import FrameRenderer
 from benchharness.scene import PointLight, Scene
 from benchharness.stability.film import OPTIONS, Film, carried
 
-SIDE = 2  # places per pixel along each axis
+SIDE = 3  # places per pixel along each axis
 LEAST_PX = 80  # pixels of an image, in every frame
 MOST = 0.3  # share of its mirror's pixels: what is larger is a surrounding, cut off by the mirror's edge
 COLOURS = 3
@@ -66,7 +66,7 @@ class Markers:
 
     @cached_property
     def seen(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Per frame which object, and in which mirror, the reference sees at every place, int [2 H, 2 W] each; -1 for none."""
+        """Per frame which object, and in which mirror, the reference sees at every place, int [SIDE H, SIDE W] each; -1 for none."""
         numbered = dark(self.film.scene, [np.full(3, k + 1.0) for k in range(len(self.film.scene.objects))])
         size = (SIDE * self.film.size[0], SIDE * self.film.size[1])
         out = []
@@ -108,13 +108,13 @@ class Markers:
     @cached_property
     def floor_px(self) -> float | None:
         """What sampling alone does to `image_jitter_px`, where the method's edges run through other places than the
-        reference's: twice the variance, of which a quarter of the places has eight times as much as all."""
+        reference's: twice the variance, which goes with the number of places to the power -3/2."""
         if not self.images:
             return None
         some = np.zeros(self.seen[0][0].shape)
         some[::SIDE, ::SIDE] = 1
-        quarter = [[centroid(some * self._own(k, image)) for image in self.images] for k in range(len(self.seen))]
-        jitter = metrics.jitter_px(np.array(quarter) - self.truth)
+        few = [[centroid(some * self._own(k, image)) for image in self.images] for k in range(len(self.seen))]
+        jitter = metrics.jitter_px(np.array(few) - self.truth)
         return None if jitter is None else jitter * float(np.sqrt(2 / (SIDE**3 - 1)))
 
     def _own(self, k: int, image: Image) -> np.ndarray:
@@ -133,7 +133,7 @@ class Markers:
         return places - self.truth
 
     def _shown(self, method: Method) -> list[np.ndarray]:
-        """What the mirrors show, 0 elsewhere, at every place: [2 H, 2 W, 3] per frame."""
+        """What the mirrors show, 0 elsewhere, at every place: [SIDE H, SIDE W, 3] per frame."""
         width, height = self.film.size
         out = [np.zeros((SIDE * height, SIDE * width, 3), np.float32) for _ in self.film.numbers]
         renderer, state = FrameRenderer(self.scene, width, height), method.prepare(self.scene)
