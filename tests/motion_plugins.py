@@ -46,7 +46,10 @@ class Shaky(Method):
         answer, state = RayTraced().shade(state, frame)
         if frame.index % 2:
             lane = dr.arange(mi.UInt32, frame.view.width * frame.view.height)
-            answer.L = dr.gather(mi.Color3f, mi.Color3f(answer.L), dr.maximum(mi.Int32(lane) - SHIFT, 0))
+            beside = mi.UInt32(dr.maximum(mi.Int32(lane) - SHIFT, 0))
+            # What is no mirror there has no answer to take.
+            there = dr.gather(mi.Bool, frame.active, beside)
+            answer.L = dr.select(there, dr.gather(mi.Color3f, mi.Color3f(answer.L), beside), answer.L)
         return answer, state
 
 

@@ -66,7 +66,7 @@ class Markers:
 
     @cached_property
     def seen(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Per frame which object, and in which mirror, the reference sees at every place, int [SIDE H, SIDE W] each; -1 for none."""
+        """Per frame which object, and in which mirror, the reference sees at every place, int [SIDE H, SIDE W]; -1 for none."""
         numbered = dark(self.film.scene, [np.full(3, k + 1.0) for k in range(len(self.film.scene.objects))])
         size = (SIDE * self.film.size[0], SIDE * self.film.size[1])
         out = []
