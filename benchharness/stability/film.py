@@ -21,7 +21,6 @@ from benchharness.config import SceneSpec
 from benchharness.measure import check_lanes
 from benchharness.scene import Scene, refined
 
-KINDS = ("steady", "cut", "teleport")
 BEFORE, AFTER = 3, 5  # frames of a run with a jump in it
 OPTIONS = reference.ReferenceOptions(spp=2)
 
@@ -69,18 +68,17 @@ def spec(name: str) -> SceneSpec:
     return SceneSpec(plugin.name, plugin.name, source, False, params.sweep(wanted, declared, plugin.name)[0], "", plugin.name)
 
 
-def film(
-    name: str, kind: str, count: int, substeps: int, start: int | None, size: tuple[int, int], within: tuple[int, int] = (0, 0)
-) -> Film:
+def film(name: str, kind: str, count: int, substeps: int, start: int | None, size: tuple[int, int]) -> Film:
     """Of the scene `name`. Bakes it where it needs that.
 
+    kind      one of `motion.KINDS`
     count     frames of a steady run; one with a jump has BEFORE and AFTER
     substeps  frames per frame of the scene's own animation
     start     frame of that animation, at which to begin; None: a steady run where most moves, others at 0
-    within    frames of a jump before and after, where they are not BEFORE and AFTER
+
+    Raises ValueError for a run that is longer than the animation, or starts too late in it.
     """
-    before, after = within if any(within) else (BEFORE, AFTER)
-    count = count if kind == "steady" else before + after
+    count = count if kind == "steady" else BEFORE + AFTER
     built = spec(name).build()
     if not all(part.mesh.radiance is not None for part in built.objects):
         built = bake(built, spp=OPTIONS.bake_spp)
@@ -96,7 +94,7 @@ def film(
         first = start * substeps
     if kind == "steady":
         return Film(fine, first, count, size, None)
-    jump = first + before
+    jump = first + BEFORE
     after_s = fine.time(jump) - 0.5 / fine.fps
     if kind == "cut":
         by = fine.time(latest - first) if first <= latest // 2 else -fine.time(first)

@@ -1,12 +1,13 @@
 """What happens over time: a stretch of every animation at a fine step, a camera cut, and things that jump.
 
-A row of motion.csv is one scene, one kind of run (`film.KINDS`) and one method with its parameters; motion-frames.csv has a
+A row of motion.csv is one scene, one kind of run (`film`) and one method with its parameters; motion-frames.csv has a
 row per frame. State is carried from frame to frame as in a real run: prepared once, updated when something moved.
 
 All numbers are inside the mirrors, without pixels of second reflections, and means over the run's frames unless said:
 
     temporal_diff    `metrics.temporal_diff`; `pops`: `metrics.pops`; across a jump neither is counted
-    jitter_px        `metrics.jitter_px` of the images V' of a sample of vertices, of methods that report them
+    jitter_px        `metrics.jitter_px` of the images V' of a sample of vertices, of methods that report them, while their
+                     true reflection points are inside the picture; `jitter_median_px`: the median in place of the rms
     image_jitter_px  the same of the images of whole objects (`markers`), of all methods; `image_floor_px`: what sampling alone
                      may do to it; `image_off_px`: how far they are from where they should be; `images`: how many are followed,
                      `images_lost`: of those, how many were gone in some frame
