@@ -9,7 +9,7 @@ that mirror again and costs a bounce.
 The near plane is not applied; nothing of a scene should come that close.
 """
 
-# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false
+# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportOperatorIssue=false
 # The type stubs of Mitsuba and Dr.Jit know neither NumPy arguments nor points and vectors in one expression.
 
 from __future__ import annotations

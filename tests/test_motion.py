@@ -94,6 +94,25 @@ def test_a_root_switches_where_a_point_leaves_the_root_that_it_was_at():
     np.testing.assert_array_equal(watch.switches(went, path, off), [0, 1, 0, np.nan, np.nan, np.nan])
 
 
+def test_roots_that_a_cold_start_has_elsewhere_are_counted():
+    made = film.film(TURNING, "cut", 6, 2, None, SIZE)
+    count = made.scene.vertices
+    # Points of the mirror's size about its middle, which the camera looks at.
+    R = np.random.default_rng(2).uniform(-0.3, 0.3, (count, 3)).astype(np.float32)
+    warm = {"R": R, "converged": np.ones(count, bool)}
+    elsewhere = R.copy()
+    elsewhere[: count // 2, 2] += 0.5
+    unsure = np.arange(count) % 2 == 0
+    for other, expected in (
+        ({"R": R, "converged": warm["converged"]}, 0.0),
+        ({"R": elsewhere, "converged": warm["converged"]}, 0.5),
+        ({"R": elsewhere, "converged": unsure}, 0.5),
+        ({"R": elsewhere, "converged": ~warm["converged"]}, None),
+    ):
+        found = watch._other_roots(made, watch.Shown(vertices=[warm], cold=[(None, other)]))
+        assert found is None if expected is None else found == pytest.approx(expected, abs=0.1)
+
+
 # Runs
 
 

@@ -92,8 +92,9 @@ def work(units: Sequence[dict[str, Any]], folder: Path) -> Iterator[dict[str, An
     from benchharness.stability import film, markers, watch
 
     what = "scene kind count substeps start size".split()
-    for (name, kind, *more, size), group in itertools.groupby(units, lambda unit: [unit[key] for key in what]):
-        seen = film.film(name, kind, *more, tuple(size))
+    for asked, group in itertools.groupby(units, lambda unit: [unit[key] for key in what]):
+        name, kind, count, substeps, start, (width, height) = asked
+        seen = film.film(name, kind, count, substeps, start, (width, height))
         marked = markers.Markers(seen) if kind == "steady" else None
         for unit in group:
             entry = Entry(**unit["entry"])
