@@ -133,7 +133,7 @@ class Bench:
             entry.before = state
             (reflection, state), ms = timing.timed(lambda state=state, frame=frame: entry.method.shade(state, frame))
             entry.first_ms = ms if entry.first_ms is None else entry.first_ms
-            _check_lanes(reflection, frame)
+            check_lanes(reflection, frame)
             image = self._picture(self.renderer.compose(frame, reflection.L))
             entry.shown.append((image, reflection))
 
@@ -287,20 +287,12 @@ class Bench:
 
     def _off(self, frame: Frame, reflection: Reflection, number: int, sample: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Pixels between found and true R [N], and V' on the screen less the true one's [N, 2]; NaN where none is known."""
-        reflector, camera = self.scene.reflectors[number], self.scene.camera(frame.time)
-        mesh = (reflector.closed or reflector.mesh).transformed(reflector.pose(frame.time))
-        V = np.concatenate([p.mesh.transformed(p.pose(frame.time)).vertices for p in self.scene.parts])[sample]
         lanes = number * self.scene.vertices + sample
         assert reflection.vertices is not None
-        R = np.array(reflection.vertices.R, np.float64).T[lanes]
-        virtual = np.array(reflection.vertices.virtual, np.float64).T[lanes]
+        R, virtual = (np.array(a, np.float64).T[lanes] for a in (reflection.vertices.R, reflection.vertices.virtual))
         usable = np.array(reflection.vertices.converged)[lanes]
-        points, valid = truth.reflection_points(mesh.vertices, mesh.normals, mesh.faces, np.asarray(camera.eye), V, R)
-        true = truth.nearest(points, valid & usable[:, None], R)
-        seen = [
-            truth.on_screen(p, camera, *self.size) for p in (R, true, virtual, truth.image_of(V, true, np.asarray(camera.eye)))
-        ]
-        return np.linalg.norm(seen[0] - seen[1], axis=1), seen[2] - seen[3]
+        seen = truth.roots(self.scene, frame.time, self.size, number, sample, R, virtual, usable)
+        return np.linalg.norm(seen.found - seen.true, axis=1), seen.virtual - seen.image
 
     def _keep_pictures(self, index: int, entries: dict[str, _Entry], methods: Mapping[str, Method], truth_: Any) -> None:
         """The reference, every method's picture and its error map, as PNG."""
@@ -318,7 +310,7 @@ class Bench:
                     metrics.save_png(self.out / results.image_name(*names, kind, method, params), pixels)
 
 
-def _check_lanes(reflection: Reflection, frame: Frame) -> None:
+def check_lanes(reflection: Reflection, frame: Frame) -> None:
     """Raises ValueError for an answer that has neither one lane per pixel nor one for all."""
     pixels = frame.view.width * frame.view.height
     for name in ("L", "distance", "found", "doubt"):

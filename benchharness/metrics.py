@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 RELMSE_EPS = 1e-2
 """Added to the squared reference in `relmse`, (W/(m² sr))²."""
 
+POP = 0.1
+"""FLIP from which a pixel's change is noticed: 2.3 in CIELAB, the just noticeable difference of Mahy et al. 1994, goes
+through FLIP's colour error, 0.95 2.3^0.7 / (0.4 41.3) of Andersson et al. 2020, to 0.10."""
+
 NEGATIVE = -1e-6
 """Radiance below this is counted as negative; rounding may leave a little less than nothing."""
 
@@ -120,6 +124,22 @@ def temporal_diff(x0: np.ndarray, x1: np.ndarray, y0: np.ndarray, y1: np.ndarray
         return None
     x = x1[mask].astype(np.float64) - x0[mask]
     return float(np.abs(x - (y1[mask].astype(np.float64) - y0[mask])).mean())
+
+
+def pops(
+    x0: np.ndarray, x1: np.ndarray, y0: np.ndarray, y1: np.ndarray, mask: np.ndarray, *, ppd: float, exposure: float
+) -> float | None:
+    """Share of the mask that changes noticeably otherwise than the reference does: FLIP between x1 and x0 + (y1 - y0) over POP.
+
+    Arguments as of `temporal_diff`, and None where that is. A picture that is wrong and stays so does not pop; an edge that
+    is somewhere else than in the reference pops when it moves on by a pixel, in one place and in the other.
+    """
+    _checked(x0, y0, mask)
+    mask = _checked(x1, y1, mask)
+    if not mask.any() or not (_sound(x0) & _sound(x1))[mask].all():
+        return None
+    expected = np.where(mask[..., None], np.maximum(x0 + (y1 - y0), 0), y1)
+    return float((flip_map(x1, expected, mask, ppd=ppd, exposure=exposure)[mask] > POP).mean())
 
 
 def jitter_px(errors: np.ndarray) -> float | None:

@@ -9,7 +9,7 @@ that mirror again and costs a bounce.
 The near plane is not applied; nothing of a scene should come that close.
 """
 
-# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false
+# pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportOperatorIssue=false
 # The type stubs of Mitsuba and Dr.Jit know neither NumPy arguments nor points and vectors in one expression.
 
 from __future__ import annotations
@@ -147,10 +147,12 @@ def _reflector_number(scene: Scene, part) -> int:
 
 def camera_rays(camera: Camera, width: int, height: int, x: mi.Float, y: mi.Float) -> mi.Ray3f:
     """Rays from the eye through image positions x (to the right) and y (down), in pixels from the top left corner."""
-    right, down, forward = (mi.Vector3f(*map(float, axis)) for axis in camera.axes())
-    focal = 0.5 * height / np.tan(0.5 * np.radians(camera.fov_deg))
+    axes, eye = [mi.Vector3f(*map(float, axis)) for axis in camera.axes()], mi.Point3f(*map(float, camera.eye))
+    focal = mi.Float(0.5 * height / np.tan(0.5 * np.radians(camera.fov_deg)))
+    dr.make_opaque(axes, eye, focal)  # else every frame of an animation compiles the integrator again
+    right, down, forward = axes
     d = forward + (x - 0.5 * width) / focal * right + (y - 0.5 * height) / focal * down
-    return mi.Ray3f(mi.Point3f(*map(float, camera.eye)), dr.normalize(d))
+    return mi.Ray3f(eye, dr.normalize(d))
 
 
 def _sampled(

@@ -7,10 +7,12 @@ coordinates, solved by Newton's method with numerical derivatives. A vertex may 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.spatial import KDTree
 
-from benchharness.scene import Camera
+from benchharness.scene import Camera, Scene
 
 STEPS = 12
 LONGEST = 0.25  # barycentric; Newton's own steps overshoot on triangles as large as the mirror
@@ -102,3 +104,48 @@ def image_of(V: np.ndarray, R: np.ndarray, eye: np.ndarray) -> np.ndarray:
     """The virtual image of V behind R on the eye's ray, [N, 3]."""
     away = np.linalg.norm(V - R, axis=-1, keepdims=True) + np.linalg.norm(R - eye, axis=-1, keepdims=True)
     return eye + away * _unit(R - eye)
+
+
+@dataclass(frozen=True, eq=False)
+class Roots:
+    """Reflection points of some vertices and the images behind them, pixels [N, 2]; NaN where none is known.
+
+    found, virtual  the R and V' that a method answered
+    true, image     the true R nearest to that, and the V' that belongs to it
+    world           the true R, metres [N, 3]
+    """
+
+    found: np.ndarray
+    true: np.ndarray
+    virtual: np.ndarray
+    image: np.ndarray
+    world: np.ndarray
+
+
+def roots(
+    scene: Scene, time: float, size: tuple[int, int], number: int, vertices: np.ndarray,
+    R: np.ndarray, virtual: np.ndarray, usable: np.ndarray,
+) -> Roots:  # fmt: skip
+    """What `vertices`, numbers [N] in the order of `scene.parts`, have in reflector `number`; R, virtual [N, 3], usable [N]."""
+    camera = scene.camera(time)
+    eye, V = np.asarray(camera.eye), _placed(scene, time, vertices)
+    points, valid = _candidates(scene, time, number, eye, V, R)
+    true = nearest(points, valid & usable[:, None], R)
+    found, true_, virtual_, image = (on_screen(p, camera, *size) for p in (R, true, virtual, image_of(V, true, eye)))
+    return Roots(found, true_, virtual_, image, true)
+
+
+def continued(scene: Scene, time: float, number: int, vertices: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """The true R nearest to where one was a moment ago, `before` [N, 3]; NaN where there is none."""
+    eye, V = np.asarray(scene.camera(time).eye), _placed(scene, time, vertices)
+    return nearest(*_candidates(scene, time, number, eye, V, before), before)
+
+
+def _placed(scene: Scene, time: float, vertices: np.ndarray) -> np.ndarray:
+    return np.concatenate([p.mesh.transformed(p.pose(time)).vertices for p in scene.parts])[vertices]
+
+
+def _candidates(scene: Scene, time: float, number: int, eye: np.ndarray, V: np.ndarray, near: np.ndarray):
+    reflector = scene.reflectors[number]
+    mesh = (reflector.closed or reflector.mesh).transformed(reflector.pose(time))
+    return reflection_points(mesh.vertices, mesh.normals, mesh.faces, eye, V, near)

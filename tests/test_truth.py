@@ -8,7 +8,7 @@ from small_room import quad, sphere
 from truth_shapes import alhazen, unit
 
 from benchharness import truth
-from benchharness.scene import Camera, subdivided
+from benchharness.scene import Camera, Mesh, Object, Reflector, Scene, subdivided
 
 EYE = np.array([0.0, -4.0, 0.0])
 
@@ -125,3 +125,26 @@ def test_of_several_points_the_nearest_valid_one_is_taken():
     chosen = truth.nearest(points, valid, np.array([[0.1, 0, 0], [0.1, 0, 0]]))
     np.testing.assert_array_equal(chosen[0], [1, 0, 0])
     assert np.isnan(chosen[1]).all()
+
+
+def test_each_of_several_points_goes_on_as_itself():
+    """In the plane of a vertex and an eye inside a sphere, both off the centre: two points, on opposite sides of it."""
+    bowl = sphere(1.0, slices=96, stacks=48)
+    inside = Reflector("bowl", Mesh(bowl.vertices, bowl.faces[:, ::-1], -np.asarray(bowl.normals)))
+    dot = Mesh(np.array([[0.1, 0.0, 0.0], [0.11, 0.0, 0.0], [0.1, 0.01, 0.0]]), [[0, 1, 2]])
+
+    def camera(time: float) -> Camera:
+        return Camera((0.02 * time, -0.6, 0.0), (0.0, 1.0, 0.0), 60.0)
+
+    made = Scene("bowl", (Object("dot", dot, "a vertex"),), (inside,), camera, frames=2, fps=1.0)
+    eye, V = np.array([0.0, -0.6, 0.0]), np.array([[0.1, 0.0, 0.0]])
+    mesh = inside.mesh
+    far, close = (
+        truth.nearest(*truth.reflection_points(mesh.vertices, mesh.normals, mesh.faces, eye, V, near), near)
+        for near in (np.array([[0.0, 1.0, 0.0]]), np.array([[0.0, -1.0, 0.0]]))
+    )
+    assert far[0, 1] > 0.9 and close[0, 1] < -0.9
+    for before in (far, close):
+        after = truth.continued(made, 1.0, 0, np.array([0]), before)
+        # The eye moved by 0.02 and takes the point along by one or two times that; the other point is 1.9 away.
+        assert 0 < np.linalg.norm(after - before) < 0.1

@@ -1,0 +1,180 @@
+"""Where the images of objects are in mirrors, and how their place trembles: for any method, from pictures alone.
+
+The scene is shown once more, dark but for three objects: one that shines red, one green, one blue, each with radiance 1.
+In every mirror the centroid of one colour is where the image of one object is, to a fraction of a pixel; it is compared
+with the reference's, frame by frame. Mirrors are ideal here, and what shows a second reflection is left out.
+
+A centroid is known as well as its edges are sampled. Every pixel is asked at SIDE x SIDE places, by shifting the picture and
+not by enlarging it: what a method decides by the size of its picture stays as it is. The reference shows which object it sees
+at each of those places. What sampling alone does is measured with it: its centroids from every SIDE-th place in each direction
+tremble about those from all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+
+import drjit as dr
+import numpy as np
+
+from benchharness import metrics, reference
+from benchharness.api import Frame, Method, View
+from benchharness.frame import FrameRenderer
+from benchharness.scene import PointLight, Scene
+from benchharness.stability.film import OPTIONS, Film, carried
+
+SIDE = 3  # places per pixel along each axis
+LEAST_PX = 80  # pixels of an image, in every frame
+MOST = 0.3  # share of its mirror's pixels: what is larger is a surrounding, cut off by the mirror's edge
+COLOURS = 3
+LOST = 0.1  # share of the reference's pixels, below which an image is not there
+
+
+def dark(scene: Scene, radiance: Sequence[np.ndarray]) -> Scene:
+    """The scene with its objects shining as told, [3] each, and no other light; mirrors ideal."""
+    objects = tuple(
+        replace(o, mesh=replace(o.mesh, radiance=colour, visibility=None), gloss=None)
+        for o, colour in zip(scene.objects, radiance, strict=True)
+    )
+    mirrors = tuple(replace(r, eta=None, k=None) for r in scene.reflectors)
+    around = scene.environment
+    if around is not None:
+        around = replace(around, radiance=np.zeros_like(np.asarray(around.radiance)))
+    lights: tuple[PointLight, ...] = ()
+    return replace(
+        scene, objects=objects, reflectors=mirrors, background=(0.0, 0.0, 0.0), environment=around, lights=lights, exposure=0.0
+    )
+
+
+@dataclass(frozen=True)
+class Image:
+    """Of object number `what` in mirror number `mirror`; `colour`: the channel in which it shines."""
+
+    what: int
+    mirror: int
+    colour: int
+
+
+@dataclass(frozen=True, eq=False)
+class Markers:
+    """The images of a film that are followed."""
+
+    film: Film
+
+    @cached_property
+    def seen(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Per frame which object, and in which mirror, the reference sees at every place, int [SIDE H, SIDE W]; -1 for none."""
+        numbered = dark(self.film.scene, [np.full(3, k + 1.0) for k in range(len(self.film.scene.objects))])
+        size = (SIDE * self.film.size[0], SIDE * self.film.size[1])
+        out = []
+        for i in self.film.numbers:
+            its = reference.render(numbered, numbered.time(i), size, OPTIONS)
+            once = its.mask & ~its.second
+            out.append((np.where(once, np.rint(its.image[..., 0]).astype(int) - 1, -1), np.where(once, its.reflector, -1)))
+        return out
+
+    @cached_property
+    def images(self) -> list[Image]:
+        """Of the three objects whose images are known best, in all mirrors that show them."""
+        objects, mirrors = len(self.film.scene.objects), len(self.film.scene.reflectors)
+        counts = np.zeros((len(self.seen), mirrors, objects))
+        for k, (what, mirror) in enumerate(self.seen):
+            own = what >= 0
+            np.add.at(counts[k], (mirror[own], what[own]), 1 / SIDE**2)
+        whole = np.array([[(mirror == m).sum() for m in range(mirrors)] for _, mirror in self.seen]) / SIDE**2
+        usable = (counts.min(axis=0) >= LEAST_PX) & (counts <= MOST * whole[..., None]).all(axis=0)
+        known = np.zeros(objects)
+        for m, what in zip(*np.nonzero(usable), strict=True):
+            known[what] += uncertainty(self._own(len(self.seen) // 2, Image(int(what), int(m), 0))) ** -2
+        chosen = [int(what) for what in np.argsort(-known, kind="stable")[:COLOURS] if known[what] > 0]
+        return [Image(what, m, c) for c, what in enumerate(chosen) for m in range(mirrors) if usable[m, what]]
+
+    @cached_property
+    def scene(self) -> Scene:
+        """Dark but for the objects that are followed."""
+        colours = np.zeros((len(self.film.scene.objects), 3))
+        for image in self.images:
+            colours[image.what, image.colour] = 1.0
+        return dark(self.film.scene, list(colours))
+
+    @cached_property
+    def truth(self) -> np.ndarray:
+        """Where the reference has the images, pixels [T, images, 2]."""
+        return np.array([[centroid(self._own(k, image)) for image in self.images] for k in range(len(self.seen))])
+
+    @cached_property
+    def floor_px(self) -> float | None:
+        """What sampling alone does to `image_jitter_px`, where the method's edges run through other places than the
+        reference's: twice the variance, which goes with the number of places to the power -3/2."""
+        if not self.images:
+            return None
+        some = np.zeros(self.seen[0][0].shape)
+        some[::SIDE, ::SIDE] = 1
+        few = [[centroid(some * self._own(k, image)) for image in self.images] for k in range(len(self.seen))]
+        jitter = metrics.jitter_px(np.array(few) - self.truth)
+        return None if jitter is None else jitter * float(np.sqrt(2 / (SIDE**3 - 1)))
+
+    def _own(self, k: int, image: Image) -> np.ndarray:
+        what, mirror = self.seen[k]
+        return ((what == image.what) & (mirror == image.mirror)).astype(float)
+
+    def follow(self, method: Method) -> np.ndarray:
+        """Where a method has the images, less where the reference has them, pixels [T, images, 2]; NaN where one is lost."""
+        shown = self._shown(method)
+        places = np.full((len(self.seen), len(self.images), 2), np.nan)
+        for k, (_, mirror) in enumerate(self.seen):
+            for j, image in enumerate(self.images):
+                weights = np.where(mirror == image.mirror, shown[k][..., image.colour], 0)
+                if weights.sum() >= LOST * self._own(k, image).sum():
+                    places[k, j] = centroid(weights)
+        return places - self.truth
+
+    def _shown(self, method: Method) -> list[np.ndarray]:
+        """What the mirrors show, 0 elsewhere, at every place: [SIDE H, SIDE W, 3] per frame."""
+        width, height = self.film.size
+        out = [np.zeros((SIDE * height, SIDE * width, 3), np.float32) for _ in self.film.numbers]
+        renderer, state = FrameRenderer(self.scene, width, height), method.prepare(self.scene)
+        for down, right in product(range(SIDE), repeat=2):
+            offset = ((right + 0.5) / SIDE - 0.5, (down + 0.5) / SIDE - 0.5)
+            frames = (_shifted(renderer, i, *offset) for i in self.film.numbers)
+            for k, (frame, reflection) in enumerate(carried(self.scene, method, state, frames)):
+                L = np.broadcast_to(np.array(reflection.L, np.float32).T, (width * height, 3))
+                L = np.where(np.isfinite(L) & np.array(frame.active)[:, None], L, 0)
+                out[k][down::SIDE, right::SIDE] = L.reshape(height, width, 3)
+        return out
+
+
+def centroid(weights: np.ndarray) -> np.ndarray:
+    """Of a picture that has SIDE x SIDE places in a pixel, [x, y] in pixels; NaN where it is empty."""
+    total = weights.sum()
+    if total <= 0:
+        return np.full(2, np.nan)
+    x = weights.sum(axis=0) @ (np.arange(weights.shape[1]) + 0.5) / total
+    y = weights.sum(axis=1) @ (np.arange(weights.shape[0]) + 0.5) / total
+    return np.array([x, y]) / SIDE
+
+
+def uncertainty(own: np.ndarray) -> float:
+    """Pixels by which sampling makes the centroid of a mask uncertain: each place on its edge counts or not, a step that is
+    uniform in [0, 1], and pulls by its distance from the middle; own [SIDE H, SIDE W] in {0, 1}, not empty."""
+    inside = own > 0
+    around = np.pad(inside, 1)
+    core = inside & around[:-2, 1:-1] & around[2:, 1:-1] & around[1:-1, :-2] & around[1:-1, 2:]
+    y, x = np.nonzero(inside & ~core)
+    middle = SIDE * centroid(own) - 0.5
+    return float(np.sqrt(((x - middle[0]) ** 2 + (y - middle[1]) ** 2).sum() / 12) / inside.sum() / SIDE)
+
+
+def _shifted(renderer: FrameRenderer, index: int, dx: float, dy: float) -> Frame:
+    """A frame whose pixels are seen `dx`, `dy` pixels beside their centres."""
+    view = renderer.view(index)
+    moved: View = replace(
+        view, x=view.x - dx * view.w, y=view.y - dy * view.w, axis=view.axis + dx * view.right + dy * view.down
+    )
+    dr.make_opaque(moved)
+    frame = renderer.draw(index, moved)
+    boxes = [(left - 1, top - 1, right + 1, bottom + 1) for left, top, right, bottom in frame.boxes]
+    return replace(frame, boxes=boxes)
