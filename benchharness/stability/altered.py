@@ -60,9 +60,13 @@ def renumbered(scene: Scene, seed: int = 0) -> tuple[Scene, np.ndarray]:
             if not mixed:
                 was.append(start + order)
             faces = np.argsort(order)[mesh.faces][rng.permutation(len(mesh.faces))]
-            names = ("vertices", "normals", "albedo", "emission", "radiance", "visibility")
-            carried = {name: getattr(mesh, name) for name in names}
-            mixed.append(Mesh(faces=faces, **{k: None if v is None else v[order] for k, v in carried.items()}))
+            radiance, visibility = (None if v is None else v[order] for v in (mesh.radiance, mesh.visibility))
+            mixed.append(
+                Mesh(
+                    mesh.vertices[order], faces, mesh.normals[order], np.asarray(mesh.albedo)[order],
+                    np.asarray(mesh.emission)[order], radiance, visibility,
+                )
+            )  # fmt: skip
         start += len(meshes[0].vertices)
         return mixed
 
