@@ -7,9 +7,10 @@
     G5  the same if everything is turned and moved
 
 Derived exceptions. A vertex may have several reflections where a mirror is not convex, and which one a method comes to may
-depend on its start: then another true one is as good. What a method ends with is as near to a root as the law that is left
-over says: |half vector - normal| by the least singular value of its derivative along the mirror, both in float64. Pictures
-within a method have texels, whose grid does not turn with the scene: its picture keeps within a pixel, but for few.
+depend on its start: then another true one is as good, and the picture of a scene that is turned may be another one. What a
+method ends with is as near to a root as the law that is left over says: |half vector - normal| by the least singular value of
+its derivative along the mirror, both in float64. Pictures within a method have texels, whose grid does not turn with the
+scene: its picture keeps within a pixel, but for few.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ LAW_PX = 0.5  # pixels: what is left of the law, by what one pixel changes at mo
 HEIGHT_PX = 0.5  # pixels: how far from the mesh; what looks at textures extrapolates from their texels
 TOUCHES = 2e-5  # of the mirror's size: a vertex as near to it is its own reflection, and there is no half vector
 MOVED = 1e-4  # of the mirror's size: R after a rigid motion
-SAME_COLOUR = 0.02  # radiance: a fifteenth of the checkered floor's contrast
+SAME_COLOUR = 0.05  # radiance: a sixth of the checkered floor's contrast, which texels blend otherwise if they are turned
 STRAY_PX = 0.01  # share of pixels that rounding decides: edges in a picture of edges
 ROUNDED = 1e-3  # radiance
 
@@ -115,11 +116,13 @@ def test_turned_and_moved_everything_is_the_same(method, regime):
     severity, answer = both(method, regime)[-1]
     other = shown(method, regime, severity, "carried")
     assert other is not None
-    alike(answer, other)
+    scene = prepared(regime, severity)[0]
+    if answer.vertices is None or all(convex(scene, i) for i in range(len(scene.reflectors))):
+        alike(answer, other)
     if answer.vertices is not None and other.vertices is not None:
         pose = any_motion()
         back = other.vertices | {"R": (other.vertices["R"] - pose[:3, 3]) @ pose[:3, :3]}
-        same_roots(regime, prepared(regime, severity)[0], answer.vertices, back)
+        same_roots(regime, scene, answer.vertices, back)
 
 
 def size_of(scene, mirror: int) -> float:
