@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.ndimage import maximum_filter, minimum_filter
-from stress_rooms import METHODS, REGIMES, Shown, any_motion, extremes, kept, laws, prepared, shown
+from stress_rooms import METHODS, REGIMES, Law, Shown, any_motion, extremes, kept, laws, prepared, shown
 
 from benchharness import params
 from benchharness.kernels.newton import is_convex
@@ -26,6 +26,7 @@ from benchharness.stability import altered
 
 FEWEST_STEPS = 250  # the limit of a search that has none of its own
 LAW_PX = 1.0  # pixels: what is left of the law, by what one pixel changes at most; searches stop in triangles as wide
+LAW = 0.01  # or this, |half vector - normal|, half a degree, where that is more: on a mirror that hardly turns in a pixel
 HEIGHT_PX = 0.5  # pixels: how far from the mesh; what looks at textures extrapolates from their texels
 TOUCHES = 2e-5  # of the mirror's size: a vertex as near to it is its own reflection, and there is no half vector
 MOVED = 1e-4  # of the mirror's size: R after a rigid motion
@@ -84,7 +85,7 @@ def test_what_is_called_converged_obeys_the_law_of_reflection(method, regime):
         scene = prepared(regime, severity)[0]
         for mirror, _, law in laws(scene, answer.vertices, time_of(regime, scene)):
             apart = law.reach > TOUCHES * size_of(scene, mirror)
-            assert (law.off <= LAW_PX * law.most * law.pixel)[apart].all()
+            assert obeyed(law)[apart].all()
             assert (law.height <= HEIGHT_PX * law.pixel).all()
             assert (law.towards[:, 0] > 0).all() and (law.towards[apart, 1] > 0).all()
 
@@ -126,6 +127,10 @@ def test_turned_and_moved_everything_is_the_same(method, regime):
         same_roots(regime, scene, answer.vertices, back)
 
 
+def obeyed(law: Law) -> np.ndarray:
+    return law.off <= np.maximum(LAW, LAW_PX * law.most * law.pixel)
+
+
 def size_of(scene, mirror: int) -> float:
     reflector = scene.reflectors[mirror]
     return float(np.linalg.norm(np.ptp((reflector.closed or reflector.mesh).vertices, axis=0)))
@@ -148,7 +153,7 @@ def same_roots(regime: str, scene, one: dict[str, np.ndarray], other: dict[str, 
         if convex(scene, mirror):
             assert (apart <= allowed).all()
         else:
-            assert (other_law.off <= LAW_PX * other_law.most * other_law.pixel).all()
+            assert obeyed(other_law).all()
 
 
 def convex(scene, mirror: int) -> bool:
