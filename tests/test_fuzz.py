@@ -10,14 +10,16 @@ import functools
 
 import numpy as np
 import pytest
+from hollow_shapes import Bowl, Ring, Sheet
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from mirror_room import scene, shaded, still
 from star_shapes import Bumpy, Ellipsoid
+from stress_rooms import law
 from truth_shapes import unit
 
-from benchharness import plugins, truth
-from benchharness.scene import Mesh, Object, Reflector
+from benchharness import params, plugins, truth
+from benchharness.scene import Camera, Mesh, Object, Reflector
 
 METHODS = {name: plugin.target for name, plugin in plugins.discover("method").items()}
 COUNT = 24_000  # vertices of an example
@@ -28,26 +30,36 @@ WRONG_PX = 2.0
 FEWEST_STEPS = 250  # more than any method's limit
 
 
-def world(shape, eye, seed: int):
-    """A mirror, and vertices [COUNT, 3] that it reflects to the eye at points [COUNT, 3]; visible if it is convex."""
+def reflected(shape, eye, seed: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points [count, 3] of a shape that face the eye, and vertices that they reflect to it; visible if it is convex."""
     rng = np.random.default_rng(seed)
-    P = shape.points(rng, 12 * COUNT)
+    P = shape.points(rng, 12 * count)
     n, w = shape.normal(P), unit(eye - P)
-    P, n, w = (a[(n * w).sum(axis=1) > 0.1][:COUNT] for a in (P, n, w))
-    assert len(P) == COUNT
+    P, n, w = (a[(n * w).sum(axis=1) > 0.1][:count] for a in (P, n, w))
+    assert len(P) == count
     away = 2 * (n * w).sum(axis=1, keepdims=True) * n - w
-    V = P + np.exp(rng.uniform(np.log(0.05), np.log(20.0), (COUNT, 1))) * away
-    one = np.arange(COUNT)[:, None].repeat(3, axis=1)  # triangles without area: nothing of them is drawn
-    points = Object("points", Mesh(V, one, np.tile([0.0, 0, 1], (COUNT, 1)), radiance=np.ones((COUNT, 3))), "reflections")
+    return P, P + np.exp(rng.uniform(np.log(0.05), np.log(20.0), (count, 1))) * away
+
+
+def points_of(V: np.ndarray) -> Object:
+    """Vertices of triangles without area: nothing of them is drawn."""
+    one = np.arange(len(V))[:, None].repeat(3, axis=1)
+    return Object("points", Mesh(V, one, np.tile([0.0, 0, 1], (len(V), 1)), radiance=np.ones((len(V), 3))), "reflections")
+
+
+def world(shape, eye, seed: int):
+    """A mirror, and vertices [COUNT, 3] that it reflects to the eye at points [COUNT, 3]."""
+    P, V = reflected(shape, eye, seed, COUNT)
     mesh = shape.mesh(5)
     camera = still(tuple(eye), (0.0, 0.0, 0.0), FOV_DEG)
-    return scene([points], [Reflector("mirror", mesh, mesh)], camera, frames=1), P, V
+    return scene([points_of(V)], [Reflector("mirror", mesh, mesh)], camera, frames=1), P, V
 
 
 def asked(name: str, made) -> dict[str, np.ndarray]:
     """What a method reports of the vertices of the first object."""
     reported = shaded(METHODS[name](), made, 0, size=SIZE)[0].reflection.vertices
-    return {key: np.array(value).T[:COUNT] for key, value in vars(reported).items()}
+    count = len(made.objects[0].mesh.vertices)
+    return {key: np.array(value).T[:count] for key, value in vars(reported).items()}
 
 
 @functools.cache
@@ -110,3 +122,75 @@ def test_of_a_mirror_with_hollows_what_is_called_right_obeys_the_law(name, eps, 
     shape, eye = Bumpy(eps=eps), placed(direction, distance)
     made, _, V = world(shape, eye, seed)
     sound(asked(name, made), shape, eye, V, 0.03)
+
+
+# Mirrors with several reflections: no promise which one, but what is called right is one of them.
+
+LEAST_FOUND = 0.05  # share of vertices: a climb over a thin ring stops at its outlines
+FEWER = 4_000  # vertices of an example; of SOLVED of them, all reflections are solved for
+SOLVED = 300
+MARGIN = 2.0  # over the bound to first order
+
+
+def one_of_the_reflections(shape, made, found, V) -> None:
+    """What is called converged obeys the law of the shape's own normal, and is a reflection point within WRONG_PX.
+
+    To first order there is a root within |half vector - normal| / σ of R, with σ the least singular value of the derivative of
+    their difference along the mirror. Where that is less than WRONG_PX, the law proves it. Where it is more, R is near a focus,
+    the law says little about the place, and R has to be as near as that to one of the roots that are found by solving for
+    them, if any is found: two may have met and gone, or one may lie beyond the rim.
+    """
+    camera, mirror = made.camera(0.0), made.reflectors[0]
+    for key, value in found.items():
+        assert np.isfinite(value).all(), key
+    chosen = np.flatnonzero(found["converged"])
+    chosen = chosen[:: max(1, len(chosen) // SOLVED)]
+    R, V = found["R"][chosen].astype(np.float64), V[chosen]
+    eye = np.asarray(camera.eye)
+    n, to_eye, to_vertex = shape.normal(R), unit(eye - R), unit(V - R)
+    if mirror.closed is None:  # a sheet is a mirror on both sides
+        n = np.where((n * to_eye).sum(axis=1, keepdims=True) < 0, -n, n)
+    own = np.linalg.norm(unit(to_eye + to_vertex) - n, axis=1)
+    assert np.abs(shape.height(R)).max() < 0.01
+    assert np.quantile(own, 0.99) < 0.03 and ((n * to_vertex).sum(axis=1) > -0.02).mean() > 0.99
+
+    mesh = mirror.mesh
+    judged = law(mesh, mirror.closed is None, R, V, camera, SIZE[1])
+    points, valid = truth.reflection_points(mesh.vertices, mesh.normals, mesh.faces, eye, V, R)
+    apart = np.linalg.norm(truth.nearest(points, valid, R) - R, axis=1)
+    on_screen = (truth.on_screen(p, camera, *SIZE) for p in (R, truth.nearest(points, valid, R)))
+    off_px = np.linalg.norm(np.subtract(*on_screen), axis=1)
+    bound = MARGIN * (judged.off / judged.least + judged.height)
+    proven, near = bound <= WRONG_PX * judged.pixel, (off_px <= WRONG_PX) | (apart <= bound)
+    right = proven | near | ~np.isfinite(apart)
+    assert right.all(), f"{(~right).sum()} of {len(R)} are no reflection: {apart[~right][:3]} off, {bound[~right][:3]} allowed"
+    assert near.mean() > 0.9  # so that it is not the bound alone that judges
+
+
+hollow_shapes = st.one_of(
+    st.builds(Bowl, st.tuples(*[st.floats(0.5, 1.0)] * 3), st.floats(0.0, 0.6)),
+    st.builds(Sheet, st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)),
+    st.builds(Ring, st.floats(0.15, 0.6)),
+)
+
+
+@pytest.mark.parametrize("name", METHODS)
+@settings(common, max_examples=8)
+@given(
+    shape=hollow_shapes, tilt=st.floats(0.02, 0.7), turn=st.floats(0, 2 * np.pi), distance=st.floats(2.0, 6.0),
+    seed=st.integers(0, 10**6),
+)  # fmt: skip
+def test_of_a_mirror_with_several_reflections_one_of_them_is_called_right(name, shape, tilt, turn, distance, seed):
+    if name not in reporting():
+        pytest.skip("reports no vertices")
+    eye = distance * np.array([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)])
+    _, V = reflected(shape, eye, seed, FEWER)
+    camera = Camera(tuple(eye), (0.0, 0.0, 0.0), FOV_DEG, (0.0, 1.0, 0.0))
+    made = scene([points_of(V)], [shape.mirror()], lambda time: camera, frames=1)
+    if METHODS[name]().refuses(made) is not None:
+        return  # as it may, of what it cannot show
+    found = asked(name, made)
+    limit = params.of_method(METHODS[name]).get("max_iter")  # a search may be followed by another one from its end
+    assert found["iterations"].max() <= (FEWEST_STEPS if limit is None else 2 * limit.default)
+    assert found["converged"].mean() > LEAST_FOUND
+    one_of_the_reflections(shape, made, found, V)

@@ -4,9 +4,11 @@ Each mirror sees each part of the scene as one of
 
     plane         a flat part is a billboard in its own plane, one picture for all mirrors
     impostor      anything else is shown by pictures taken for this mirror: by a billboard or by depth maps
-    surroundings  an object whose box encloses the mirror's (a room) goes to the environment map of this mirror; so do flat
-                  objects that close the room, such as its ceiling, so that no gap opens between what has parallax and what
-                  has not
+    surroundings  an object whose convex hull holds the mirror (a room) goes to the environment map of this mirror; so do
+                  flat objects that close the room, such as its ceiling, so that no gap opens between what has parallax and
+                  what has not
+
+Hulls, not boxes along the axes: a scene that is turned has the same roles.
 
 Every picture has a number, its slot.
 """
@@ -16,6 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from benchharness.kernels import impostor
 
@@ -55,7 +58,7 @@ class Plan:
     quads       per mirror, slots that it shows as billboards, likewise
     maps        per mirror, slots that it shows as depth maps, likewise
     enclosing   per mirror, the objects that surround it; empty if none does
-    bounds      flat objects that reach the box of what surrounds a mirror: they close it
+    bounds      flat objects that reach the hull of what surrounds a mirror: they close it
     ground      the object that goes on in the panorama, if the morph is wanted; shown by the environment map
     """
 
@@ -89,10 +92,11 @@ def plan(scene, maps: int, own_maps: int, mirrors: bool, ground: int | None) -> 
     """
     parts, objects = scene.parts, len(scene.objects)
     shapes = [impostor.shape_of(part.mesh.vertices, part.mesh.faces) for part in parts]
-    boxes = [_box(shape, part.pose(0.0)) for shape, part in zip(shapes, parts, strict=True)]
+    points = [_in_world(shape, part.pose(0.0)) for shape, part in zip(shapes, parts, strict=True)]
     shown = [n for n in range(objects) if n != ground] + (list(range(objects, len(parts))) if mirrors else [])
     own = range(objects, len(parts))
-    enclosing = [{n for n in shown if n < objects and _holds(boxes[n], boxes[m])} for m in own]
+    hulls: dict[int, np.ndarray] = {}
+    enclosing = [{n for n in shown if n < objects and _holds(n, shapes, points, hulls, points[m])} for m in own]
 
     slots: list[Slot] = []
     alone = len(own) == 1  # then nobody shows the mirror
@@ -100,7 +104,7 @@ def plan(scene, maps: int, own_maps: int, mirrors: bool, ground: int | None) -> 
     flat = [n for n in flat if n < objects or not alone]
     in_plane = {n: _added(slots, Slot(n, None)) for n in flat}
     around = set().union(*enclosing)
-    bounds = {n for n in in_plane if n < objects and any(_reaches(boxes[n], boxes[room]) for room in around)}
+    bounds = {n for n in in_plane if n < objects and any(_reaches(points[n], hulls[room], points[room]) for room in around)}
     result = Plan(shapes, objects, slots, [], [], [], enclosing, bounds, ground)
     for number, mirror in enumerate(own):
         planes, quads, depths = ([], []), ([], []), ([], [])
@@ -126,20 +130,36 @@ def _added(slots: list[Slot], slot: Slot) -> int:
     return len(slots) - 1
 
 
-def _box(shape: impostor.Shape, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest corner of a part in world space."""
-    points = shape.vertices @ pose[:3, :3].T + pose[:3, 3]
-    return points.min(axis=0), points.max(axis=0)
+def _in_world(shape: impostor.Shape, pose: np.ndarray) -> np.ndarray:
+    """The vertices of a part, [N, 3]."""
+    return shape.vertices @ pose[:3, :3].T + pose[:3, 3]
 
 
-def _reaches(box: tuple[np.ndarray, np.ndarray], room: tuple[np.ndarray, np.ndarray]) -> bool:
-    """Whether a box comes near a wall of another, or goes beyond."""
-    margin = NEAR_WALL * (room[1] - room[0])
-    return bool((box[0] < room[0] + margin).any() or (room[1] - margin < box[1]).any())
+def _holds(
+    part: int, shapes: list[impostor.Shape], points: list[np.ndarray], hulls: dict[int, np.ndarray], others: np.ndarray
+) -> bool:
+    """Whether the convex hull of a part holds all of `others` [N, 3]. `hulls`: those made so far, half spaces [F, 4] each."""
+    if shapes[part].plane is not None or not _box_holds(points[part], others):
+        return False
+    if part not in hulls:
+        hulls[part] = np.unique(ConvexHull(points[part], qhull_options="QJ").equations, axis=0)
+    return bool((_heights(hulls[part], others) < 0).all())
 
 
-def _holds(box: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]) -> bool:
-    return bool((box[0] < other[0]).all() and (other[1] < box[1]).all())
+def _box_holds(points: np.ndarray, others: np.ndarray) -> bool:
+    """Whether the box of points holds others: what the hull holds, it holds, and it is sooner asked."""
+    return bool((points.min(axis=0) < others.min(axis=0)).all() and (others.max(axis=0) < points.max(axis=0)).all())
+
+
+def _reaches(points: np.ndarray, hull: np.ndarray, room: np.ndarray) -> bool:
+    """Whether points come near a wall of a room's hull, or go beyond."""
+    deep = np.array([np.ptp(room @ wall[:3]) for wall in hull])
+    return bool((_heights(hull, points) > -NEAR_WALL * deep).any())
+
+
+def _heights(hull: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Of points [N, 3] over the walls of a hull [F, 4]: negative inside, [N, F]."""
+    return points @ hull[:, :3].T + hull[:, 3]
 
 
 def ground_of(scene) -> int | None:
