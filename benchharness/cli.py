@@ -67,8 +67,10 @@ def stability(
     plugin: Annotated[
         list[str] | None, typer.Option(metavar="FILE[:NAME]", help="add the method of a file; may be repeated")
     ] = None,
+    study: Annotated[list[str] | None, typer.Option(help="atlas, motion or perturbation; may be repeated")] = None,
     regime: Annotated[list[str] | None, typer.Option(metavar="NAME", help="run this regime; may be repeated")] = None,
     severity: Annotated[float | None, typer.Option(help="run this severity")] = None,
+    scene: Annotated[list[str] | None, typer.Option(help="of motion and perturbation; may be repeated")] = None,
 ) -> None:
     """Drive every method to where it fails, and see whether it says so."""
 
@@ -76,7 +78,8 @@ def stability(
         from benchharness import runner, stability
 
         folder = out or runner.RUNS / f"stability-{datetime.now():%Y%m%d-%H%M%S}"
-        silent, page = stability.run(folder, config, plugin or (), only or (), regime or (), severity)
+        wanted = stability.Wanted(plugin or (), only or (), study or (), regime or (), severity, scene or ())
+        silent, page = stability.run(folder, config, wanted)
         print(f"{page}: {silent} rows fail silently")
         return FINE
 

@@ -1,6 +1,6 @@
 """A folder of the stability suite -> `stability.html`: which method holds where, from mild to severe, and what it looks like.
 
-One file that opens without a network. Reads stability.csv and images/; never renders.
+One file that opens without a network. Reads the suite's tables and images/; never renders.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from benchharness import results
+from benchharness.report import overtime
 from benchharness.report.chart import STYLE
 from benchharness.report.points import looks
 from benchharness.stability.tables import read
@@ -48,8 +49,9 @@ class Line:
 
 
 def write(folder: Path) -> Path:
-    """Writes stability.html. Raises ValueError where stability.csv is missing or has no rows."""
-    rows = read(folder / "stability.csv")
+    """Writes stability.html. Raises ValueError for a folder without a table of the suite, and for a table without rows."""
+    extras = overtime.sections(folder)
+    rows = [] if extras and not (folder / "stability.csv").exists() else read(folder / "stability.csv")
     for number, row in enumerate(rows):
         row["label"] = f"{row['method']} {row['setting']}".strip()
         row["id"] = f"row-{number + 1}"
@@ -61,7 +63,7 @@ def write(folder: Path) -> Path:
         "matrix.html.jinja"
     )
     tallies = [{v: sum(row["verdict"] == v for row in rows if row["label"] == m) for v in results.VERDICTS} for m in methods]
-    text = page.render(rows=rows, lines=lines, methods=methods, tallies=tallies, verdicts=results.VERDICTS, extras=[])
+    text = page.render(rows=rows, lines=lines, methods=methods, tallies=tallies, verdicts=results.VERDICTS, extras=extras)
     file = folder / "stability.html"
     results.write_atomic(file, text)
     return file

@@ -23,7 +23,7 @@ STRIP = 6  # frames of a strip
 GAP = 2  # pixels between pictures
 MARGIN = 4  # pixels around the mirrors
 FRAME_MS = 80  # slower than life, so that a pop can be told from a step
-MOST_BYTES = 300_000  # of an animation: a page carries dozens
+MOST_BYTES = 150_000  # of an animation: a page carries dozens
 QUALITIES = (90, 75, 60, 40)
 WHITE = 255
 

@@ -117,7 +117,7 @@ def work(units: Sequence[dict[str, Any]], folder: Path) -> Iterator[dict[str, An
 def row(unit: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:
     """The row of `FILE`."""
     only = shlex.quote(plan.label(Entry(**unit["entry"])))
-    command = f"benchharness stability --scene {shlex.quote(unit['scene'])} --only {only}"
+    command = f"benchharness stability --study motion --scene {shlex.quote(unit['scene'])} --only {only}"
     width, height = unit["size"]
     known = {column: record.get(column) for column in COLUMNS}
     return known | _about(unit) | {"substeps": unit["substeps"], "width": width, "height": height, "command": command}

@@ -144,7 +144,7 @@ def row(unit: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:
     entry = Entry(**unit["entry"])
     severity = SCENES[unit["scene"]]
     judged, why = verdict(record)
-    where = "" if severity is None else f"--regime {unit['scene']} --severity {severity:g} "
+    where = f"--study perturbation --scene {unit['scene']} "
     return {
         **{column: record.get(column) for column in COLUMNS},
         "scene": unit["scene"], "severity": severity, "kind": unit["kind"], "size": KINDS[unit["kind"]][0],
