@@ -4,9 +4,10 @@ Each mirror sees each part of the scene as one of
 
     plane         a flat part is a billboard in its own plane, one picture for all mirrors
     impostor      anything else is shown by pictures taken for this mirror: by a billboard or by depth maps
-    surroundings  an object whose convex hull holds the mirror (a room) goes to the environment map of this mirror; so do
-                  flat objects that close the room, such as its ceiling, so that no gap opens between what has parallax and
-                  what has not
+    surroundings  an object whose convex hull holds the mirror (a room), or that goes around the mirror at a distance (walls
+                  over a wainscot), has no picture from the mirror's side: it goes to the environment map of this mirror; so
+                  do flat objects that close the room, such as its ceiling, so that no gap opens between what has parallax
+                  and what has not
 
 Hulls, not boxes along the axes: a scene that is turned has the same roles.
 
@@ -23,6 +24,9 @@ from scipy.spatial import ConvexHull
 from benchharness.kernels import impostor
 
 NEAR_WALL = 0.02  # of a room's size: as near as this to a wall, a flat object belongs to it
+
+WIDEST_DEG = 75.0  # of the cone around a part, seen from a mirror, from its axis: what is wider goes around the mirror
+DISTANT = 2.0  # radii of a mirror: what goes around it nearer than this has too much parallax for an environment map
 
 Listed = tuple[list[int], list[int]]
 """What a mirror shows of one kind: slots of objects, slots of mirrors."""
@@ -96,7 +100,7 @@ def plan(scene, maps: int, own_maps: int, mirrors: bool, ground: int | None) -> 
     shown = [n for n in range(objects) if n != ground] + (list(range(objects, len(parts))) if mirrors else [])
     own = range(objects, len(parts))
     hulls: dict[int, np.ndarray] = {}
-    enclosing = [{n for n in shown if n < objects and _holds(n, shapes, points, hulls, points[m])} for m in own]
+    enclosing = [{n for n in shown if n < objects and _surrounds(n, shapes, points, hulls, points[m])} for m in own]
 
     slots: list[Slot] = []
     alone = len(own) == 1  # then nobody shows the mirror
@@ -135,15 +139,32 @@ def _in_world(shape: impostor.Shape, pose: np.ndarray) -> np.ndarray:
     return shape.vertices @ pose[:3, :3].T + pose[:3, 3]
 
 
-def _holds(
-    part: int, shapes: list[impostor.Shape], points: list[np.ndarray], hulls: dict[int, np.ndarray], others: np.ndarray
+def _surrounds(
+    part: int, shapes: list[impostor.Shape], points: list[np.ndarray], hulls: dict[int, np.ndarray], mirror: np.ndarray
 ) -> bool:
-    """Whether the convex hull of a part holds all of `others` [N, 3]. `hulls`: those made so far, half spaces [F, 4] each."""
-    if shapes[part].plane is not None or not _box_holds(points[part], others):
+    """Whether a part holds a mirror [N, 3] in its convex hull, or goes around it. `hulls`: those made so far, [F, 4] each."""
+    if shapes[part].plane is not None or not (_box_holds(points[part], mirror) or _goes_around(points[part], mirror)):
         return False
     if part not in hulls:
         hulls[part] = np.unique(ConvexHull(points[part], qhull_options="QJ").equations, axis=0)
-    return bool((_heights(hulls[part], others) < 0).all())
+    return _goes_around(points[part], mirror) or bool((_heights(hulls[part], mirror) < 0).all())
+
+
+def _goes_around(points: np.ndarray, mirror: np.ndarray) -> bool:
+    """Whether points, seen from a mirror's middle, fill a cone wider than WIDEST_DEG, and are all DISTANT.
+
+    The cone's axis is the middle of the smallest ball around the directions, found as Badoiu and Clarkson 2003 do; the
+    cosine of its opening is how far that middle is from the origin.
+    """
+    middle = mirror.mean(axis=0)
+    away = np.linalg.norm(points - middle, axis=1)
+    if away.min() < DISTANT * np.linalg.norm(mirror - middle, axis=1).max():
+        return False
+    directions = (points - middle) / away[:, None]
+    axis = directions[0]
+    for step in range(2, 200):
+        axis = axis + (directions[np.linalg.norm(directions - axis, axis=1).argmax()] - axis) / step
+    return bool(np.linalg.norm(axis) < np.cos(np.radians(WIDEST_DEG)))
 
 
 def _box_holds(points: np.ndarray, others: np.ndarray) -> bool:
