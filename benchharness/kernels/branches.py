@@ -5,9 +5,9 @@ it makes does not change (`newton.kind`): that changes where two branches meet a
 vertices of a triangle belong together if they are of one kind and each is the other's nearest. Three of which
 every two belong together make a virtual triangle; what has no match is not drawn.
 
-One more place per vertex, the last, is for those that the mirror hides from the eye. A triangle of which a vertex is
-hidden and has no reflection that belongs to the others' is drawn with the reflections nearest to where the mirror hides it,
-and `virtual` cuts it where it goes behind the mirror.
+One more place per vertex, the last, is for those that the mirror hides from the eye. Where an edge
+goes behind the mirror's outline, its reflection is grazing and its image comes together with itself: of the end that is
+not hidden, the image nearest to itself belongs to it, and `virtual` cuts the triangle there.
 
 Which pixels of a virtual triangle are images is decided per pixel. What belongs to a part of the mirror that is behind
 another is left out by depth (`virtual.Drawing.behind`); and where the mirror meets itself in its reflection (`own`), it is
@@ -25,6 +25,8 @@ from benchharness.kernels import geometry, newton, optics, placement, raster, se
 from benchharness.kernels.frozen import frozen
 
 SEEN = 4  # added to the kind of a reflection that is seen
+GRAZING = 2.0  # times the edge: an image is at most this far from its vertex if the other end is hidden. Where the edge is at d
+# from the outline, seen from the mirror, its image is on the other side of the outline at d
 SHORTER = 0.98  # a mirror that meets itself at this share of the distance to what is drawn is before it: edges are straight
 
 
@@ -126,41 +128,53 @@ def _faces(images: virtual.Images, world: geometry.Geometry, places: int) -> mi.
     face = dr.gather(mi.Vector4u, world.faces, lane % count)
     corner = [face.x, face.y, face.z]
     at = [[dr.gather(mi.Vector4f, images.at, k * world.vertex_count + v) for k in range(places - 1)] for v in corner]
-    hidden_at = [dr.gather(mi.Vector4f, images.at, (places - 1) * world.vertex_count + v) for v in corner]
+    V = [dr.gather(mi.Vector4f, world.points, v).xyz for v in corner]
     is_hidden = [
         dr.gather(mi.Float, images.moved, 4 * ((places - 1) * world.vertex_count + v) + 3) == virtual.HIDDEN for v in corner
     ]
     last, none = mi.UInt32(places - 1), mi.UInt32(places)
 
     def nearest(i: int, R, kind) -> mi.UInt32:
-        """Which reflection of corner i is nearest to R, of those of one kind (0: any)."""
+        """Which reflection of corner i is nearest to R, of those of one kind."""
         best, least = mi.UInt32(none), mi.Float(dr.inf)
         for k in range(places - 1):
-            own = mi.UInt32(at[i][k].w) & (SEEN - 1)
             distance = dr.squared_norm(at[i][k].xyz - R)
-            better = (own != 0) & ((kind == 0) | (own == kind)) & (distance < least)
+            better = (mi.UInt32(at[i][k].w) & (SEEN - 1) == kind) & (distance < least)
             best, least = dr.select(better, k, best), dr.select(better, distance, least)
         return best
 
+    def grazing(i: int) -> tuple[mi.UInt32, mi.Float]:
+        """Which image of corner i is nearest to itself, and how near."""
+        best, least = mi.UInt32(none), mi.Float(dr.inf)
+        for k in range(places - 1):
+            distance = dr.norm(dr.gather(mi.Vector4f, images.moved, k * world.vertex_count + corner[i]).xyz - V[i])
+            better = (at[i][k].w > 0) & (distance < least)
+            best, least = dr.select(better, k, best), dr.select(better, distance, least)
+        return best, least
+
+    beside = [grazing(i) for i in range(3)]
+
     def point(i: int, place) -> mi.Vector4f:
-        value = mi.Vector4f(hidden_at[i])
+        value = mi.Vector4f(0)
         for k in range(places - 1):
             value = dr.select(place == k, at[i][k], value)
         return value
 
-    def kind_of(p: mi.Vector4f, place) -> mi.UInt32:
-        return dr.select(place < last, mi.UInt32(p.w) & (SEEN - 1), 0)
+    def kind_of(p: mi.Vector4f) -> mi.UInt32:
+        return mi.UInt32(p.w) & (SEEN - 1)
+
+    def goes_behind(i: int, place, j: int) -> mi.Bool:
+        """Whether the image at a place of corner i is that of an edge that goes behind the mirror before it comes to corner j."""
+        return is_hidden[j] & ~is_hidden[i] & (place == beside[i][0]) & (beside[i][1] < GRAZING * dr.norm(V[j] - V[i]))
 
     def partner(i: int, place, j: int) -> mi.UInt32:
         """The place of corner j that belongs to one of corner i."""
         p = point(i, place)
-        k = nearest(j, p.xyz, kind_of(p, place))
+        k = nearest(j, p.xyz, kind_of(p))
         q = point(j, k)
-        mutual = (k < last) & (nearest(i, q.xyz, kind_of(q, k)) == place)
-        # An edge goes behind the mirror if one of its ends is hidden: to where, belongs what is nearest to there.
-        goes_behind = is_hidden[j] & ~is_hidden[i] & (nearest(i, hidden_at[j].xyz, mi.UInt32(0)) == place)
-        of_reflected = dr.select(mutual, k, dr.select(goes_behind, last, none))
-        of_hidden = dr.select(is_hidden[j], last, dr.select(k < last, k, none))
+        mutual = (k < none) & (nearest(i, q.xyz, kind_of(q)) == place)
+        of_reflected = dr.select(mutual, k, dr.select(goes_behind(i, place, j), last, none))
+        of_hidden = dr.select(is_hidden[j], last, dr.select(goes_behind(j, beside[j][0], i), beside[j][0], none))
         return dr.select(place < last, of_reflected, of_hidden)
 
     a = lane // count
@@ -172,6 +186,12 @@ def _faces(images: virtual.Images, world: geometry.Geometry, places: int) -> mi.
     for i, place in enumerate((a, b, c)):
         seen |= (place < last) & (mi.UInt32(point(i, place).w) >= SEEN)
     drawn = both & agree & seen
+
+    # Near a focus, a triangle's corners may see different sides of it.
+    normal, towards = dr.cross(V[1] - V[0], V[2] - V[0]), mi.Vector3f(0)
+    for i, place in enumerate((a, b, c)):
+        towards += dr.select(place < last, point(i, place).xyz - V[i], 0)
+    drawn &= ((face.w & raster.CLOSED) == 0) | (dr.dot(towards, normal) > 0)
     index = [dr.select(drawn, place, 0) * world.vertex_count + v for place, v in zip((a, b, c), corner, strict=True)]
     index = [dr.select(drawn, i, corner[0]) for i in index]
     faces = dr.empty(mi.UInt32, 4 * lanes)

@@ -169,6 +169,7 @@ class Ends:
 class Found:
     """The different reflections of each vertex: lane k * count + v is the k-th of vertex v; world space.
 
+    on          where on the mesh R is
     filled      whether there is one; the other fields are 0 where not
     seen        converged, and the mirror hides it neither from the eye nor from the vertex
     kind        `newton.MINIMUM`, `SADDLE` or `MAXIMUM`
@@ -178,6 +179,7 @@ class Found:
 
     R: mi.Point3f
     n: mi.Normal3f
+    on: newton.Where
     filled: mi.Bool
     converged: mi.Bool
     seen: mi.Bool
@@ -217,7 +219,8 @@ def finish(ends: Ends, starts: Starts, mirror: newton.Mesh, pose: list, view, co
     iterations = dr.select(starts.active, ends.iterations, 0)
     R, n = dr.select(reflected, ends.R, 0), dr.select(reflected, ends.n, 0)
     residual = dr.select(reflected, ends.residual, 0)
-    dr.eval(R, n, kind, rank, residual, iterations)
+    on = newton.Where(mi.UInt32(on.triangle), mi.Point2f(on.b))
+    dr.eval(R, n, on, kind, rank, residual, iterations)
 
     # Per vertex: an end is left out where a better one is near. A place in the order: how many come before.
     lane = dr.arange(mi.UInt32, count)
@@ -257,7 +260,8 @@ def finish(ends: Ends, starts: Starts, mirror: newton.Mesh, pose: list, view, co
     R = placement.point_to_world(pose, of(R))
     n = placement.normal_to_world(pose, of(n))
     return Found(
-        mi.Point3f(dr.select(filled, R, 0)), mi.Normal3f(dr.select(filled, n, 0)), filled, filled & (rank < 2),
+        mi.Point3f(dr.select(filled, R, 0)), mi.Normal3f(dr.select(filled, n, 0)), newton.Where(of(on.triangle), of(on.b)),
+        filled, filled & (rank < 2),
         filled & (rank == 0), of(kind), of(residual), of(iterations), reflections, work,
     )  # fmt: skip
 
