@@ -154,8 +154,8 @@ def _solve_several(world, shown_parts, mesh: newton.Mesh, seeds, pose: list, par
     """Virtual vertices, triangles and reports of several reflections per vertex."""
     starts = several.begin(seeds, mesh, pose, view, world.points, part, shown_parts, world.vertex_count, multi)
     walked = newton.walk(mesh, starts.where, starts.on, starts.active, max_iter, starts.touches)
-    in_front = dr.dot(starts.where.V - walked.R, walked.n) > 0
-    reflected = walked.converged | (in_front & (walked.residual < search.STRAY))
-    ends = several.Ends(walked.R, walked.n, reflected, walked.converged, walked.residual, walked.iterations, walked.on)
+    ends = several.Ends(
+        walked.R, walked.n, walked.converged, walked.converged, walked.residual, walked.iterations, walked.on
+    )  # fmt: skip
     found = several.finish(ends, starts, mesh, pose, view, world.vertex_count, multi)
     return branches.arranged(found, mesh, pose, world, part, shown_parts, view, multi)

@@ -86,7 +86,7 @@ def arranged(
         of_place = {
             name: dr.gather(type(array), array, at)
             for name, array in {
-                "R": R, "n": found.n, "virtual": image, "converged": found.converged, "valid": found.seen,
+                "R": R, "n": found.n, "virtual": image, "converged": found.converged, "valid": found.converged & found.seen,
                 "region": region, "iterations": found.iterations, "residual": found.residual,
             }.items()
         }  # fmt: skip
@@ -99,12 +99,19 @@ def arranged(
     return Arranged(images, _repeated(images, world, places), reports, counters)
 
 
-def solved(made: Arranged, mirror: newton.Mesh, seeds: several.Seeds, pose: list, frame, i: int, part, hidden: str):
-    """What `vertexwise.shown` draws of mirror number i of a `benchharness.api.Frame`; `hidden` as `virtual.Drawing` has it."""
+def solved(
+    made: Arranged, mirror: newton.Mesh, seeds: several.Seeds, pose: list, frame, i: int, part, hidden: str,
+    counters: dict[str, mi.UInt32] | None = None,
+) -> vertexwise.Solved:  # fmt: skip
+    """What `vertexwise.shown` draws of mirror number i of a `benchharness.api.Frame`.
+
+    hidden    as `virtual.Drawing` has it
+    counters  further work
+    """
     back = virtual.nearest_back(frame.proxies[i], frame.poses, part, frame.view) if seeds.closed else None
     return vertexwise.Solved(
         made.images, None, made.reports[0], virtual.Drawing(hidden, behind=seeds.closed), newton.Shadow(mirror, pose), back,
-        made.counters, made.reports[1:], made.triangles, Own(mirror, pose),
+        {**made.counters, **(counters or {})}, made.reports[1:], made.triangles, Own(mirror, pose),
     )  # fmt: skip
 
 

@@ -29,6 +29,7 @@ APART = 1.0  # pixels at the point's depth, and
 APART_SHARE = 2e-3  # of the mirror's size: points nearer to each other are one
 LIFT = 1e-4  # of the mirror's size; rays that ask whether the mirror meets itself start this far in front of it
 NONE = 0xFFFF_FFFF
+FIRST, SECOND = 0, 1  # rank of ends: those that are seen come first
 
 
 @dataclass
@@ -152,7 +153,7 @@ def begin(grid: Seeds, mirror: newton.Mesh, pose: list, view, points, part, show
 class Ends:
     """Where the searches ended, a lane per start; mirror's space. Fields as in `newton.Solution`.
 
-    reflected  the end is worth drawing: it converged, or nearly so
+    reflected  R is near enough to a reflection point to be drawn
     on         where on the mesh R is, None if the search does not know
     """
 
@@ -169,9 +170,8 @@ class Ends:
 class Found:
     """The different reflections of each vertex: lane k * count + v is the k-th of vertex v; world space.
 
-    on          where on the mesh R is
     filled      whether there is one; the other fields are 0 where not
-    seen        converged, and the mirror hides it neither from the eye nor from the vertex
+    seen        the mirror hides it neither from the eye nor from the vertex
     kind        `newton.MINIMUM`, `SADDLE` or `MAXIMUM`
     reflections per vertex, how many are seen, also those that there is no room for
     work        per vertex, iterations of all searches
@@ -179,7 +179,6 @@ class Found:
 
     R: mi.Point3f
     n: mi.Normal3f
-    on: newton.Where
     filled: mi.Bool
     converged: mi.Bool
     seen: mi.Bool
@@ -213,29 +212,27 @@ def finish(ends: Ends, starts: Starts, mirror: newton.Mesh, pose: list, view, co
         met = reflected & hit.is_valid()
         on = newton.Where(dr.select(met, hit.prim_index, 0), mi.Point2f(dr.select(met, hit.prim_uv, 0)))
     kind = newton.kind(mirror, where, on, reflected)
+    seen = reflected & is_seen(mirror, where, ends.R, ends.n, reflected)
+    rank = dr.select(seen, mi.UInt32(FIRST), dr.select(reflected, mi.UInt32(SECOND), NONE))
     converged = reflected & ends.converged
-    seen = converged & is_seen(mirror, where, ends.R, ends.n, converged)
-    rank = dr.select(seen, mi.UInt32(0), dr.select(converged, mi.UInt32(1), dr.select(reflected, mi.UInt32(2), 3)))
     iterations = dr.select(starts.active, ends.iterations, 0)
     R, n = dr.select(reflected, ends.R, 0), dr.select(reflected, ends.n, 0)
     residual = dr.select(reflected, ends.residual, 0)
-    on = newton.Where(mi.UInt32(on.triangle), mi.Point2f(on.b))
-    dr.eval(R, n, on, kind, rank, residual, iterations)
+    dr.eval(R, n, converged, kind, rank, residual, iterations)
 
     # Per vertex: an end is left out where a better one is near. A place in the order: how many come before.
     lane = dr.arange(mi.UInt32, count)
-    near_by, ranks, points, work = [], [], [], mi.UInt32(0)
+    near_by, ranks, points = [], [], []
     for i in range(most):
         at = i * count + lane
         points.append(dr.gather(mi.Point3f, R, at))
         ranks.append(dr.gather(mi.UInt32, rank, at))
         depth = dr.dot(where_w(pose, view), mi.Vector4f(points[i].x, points[i].y, points[i].z, 1))
         near_by.append(dr.maximum(APART * dr.norm(view.right) * depth, APART_SHARE * mirror.size))
-        work += dr.gather(mi.UInt32, iterations, at)
-    different = [r < 3 for r in ranks]
+    different = [r != NONE for r in ranks]
     for i in range(most):
         for j in range(i):
-            one = (ranks[i] < 3) & (ranks[j] < 3) & (dr.norm(points[i] - points[j]) < dr.minimum(near_by[i], near_by[j]))
+            one = (ranks[i] != NONE) & (ranks[j] != NONE) & (dr.norm(points[i] - points[j]) < dr.minimum(near_by[i], near_by[j]))
             different[i] &= ~(one & (ranks[j] <= ranks[i]))
             different[j] &= ~(one & (ranks[i] < ranks[j]))
     reflections = mi.UInt32(0)
@@ -247,7 +244,8 @@ def finish(ends: Ends, starts: Starts, mirror: newton.Mesh, pose: list, view, co
                 before = ranks[j] <= ranks[i] if j < i else ranks[j] < ranks[i]
                 place += dr.select(different[j] & before, 1, 0)
         dr.scatter(source, i * count + lane, place * count + lane, different[i] & (place < multi))
-        reflections += dr.select(different[i] & (ranks[i] == 0), 1, 0)
+        reflections += dr.select(different[i] & (ranks[i] == FIRST), 1, 0)
+    work = per_vertex(iterations, count, multi)
     dr.eval(source, reflections, work)
 
     source = dr.gather(mi.UInt32, source, dr.arange(mi.UInt32, multi * count))
@@ -260,12 +258,19 @@ def finish(ends: Ends, starts: Starts, mirror: newton.Mesh, pose: list, view, co
     R = placement.point_to_world(pose, of(R))
     n = placement.normal_to_world(pose, of(n))
     return Found(
-        mi.Point3f(dr.select(filled, R, 0)), mi.Normal3f(dr.select(filled, n, 0)), newton.Where(of(on.triangle), of(on.b)),
-        filled, filled & (rank < 2),
-        filled & (rank == 0), of(kind), of(residual), of(iterations), reflections, work,
+        mi.Point3f(dr.select(filled, R, 0)), mi.Normal3f(dr.select(filled, n, 0)), filled,
+        filled & of(converged), filled & (rank == FIRST), of(kind), of(residual), of(iterations), reflections, work,
     )  # fmt: skip
 
 
 def where_w(pose: list, view) -> mi.Vector4f:
     """The row that gives depths of points in the mirror's space."""
     return placement.place(pose, mi.Point3f(0), view).w
+
+
+def per_vertex(work: mi.UInt32, count: int, multi: int) -> mi.UInt32:
+    """The sum of a number over all starts of a vertex."""
+    lane, total = dr.arange(mi.UInt32, count), mi.UInt32(0)
+    for i in range(tries(multi)):
+        total += dr.gather(mi.UInt32, work, i * count + lane)
+    return total
