@@ -94,14 +94,11 @@ class Frame:
 class Vertices:
     """What a vertex-driven method found, one lane per (reflector, vertex of `scene.parts`), reflector major.
 
-    converged  R is a reflection point: half vector and normal agree there
-    valid      as `converged`; of several reflections, it is seen: the mirror hides R neither from the eye nor from the vertex
-    region     0 unknown, 1 reflected (A), 2 unreflected (B), 3 hidden (C)
-    residual   |half vector - normal| at R
-    border     the search ended at the edge of the reflector's image
-    further    for methods that find several reflections per vertex: the second, third, ... of each, in the same lanes; all 0
-               where there is none. The first says "not converged" of a vertex that has more than there is room for
-    """
+    valid     converged, and of several, the mirror hides R neither from the eye nor from the vertex
+    region    0 unknown, 1 reflected (A), 2 unreflected (B), 3 hidden (C)
+    residual  |half vector - normal| at R
+    border    the search ended at the edge of the reflector's image
+    further   a vertex's second reflection and so on, 0 for none; the first has not converged where there is no room for all"""
 
     R: mi.Point3f
     n: mi.Normal3f

@@ -1,15 +1,14 @@
 """How many of the reflections that an eye can see a method has found: of vertices that have several, and of those with one.
 
-Truth is `truth.every_reflection_point`, on the mirror as it is seen. What a reflection point shows is not asked: another object may
-hide it.
+Truth is `truth.every_reflection_point`, on the mirror as it is seen. Whether another object hides what a reflection point
+shows is not asked.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from benchharness import truth
-from benchharness.kernels.geometry import closed_faces
+from benchharness import inside, truth
 from benchharness.regime import Seen
 
 SAMPLE = 40  # vertices per mirror; one costs two passes over the mirror's triangles
@@ -30,7 +29,7 @@ def counted(seen: Seen) -> tuple[int, int] | None:
     found = total = 0
     for number, reflector in enumerate(scene.reflectors):
         mesh = reflector.mesh.transformed(reflector.pose(time))
-        both = reflector.closed is None and not closed_faces(mesh.vertices, mesh.faces).all()
+        both = reflector.closed is None and not inside.is_closed(mesh)
         points, shown = truth.every_reflection_point(
             mesh.vertices, mesh.normals, mesh.faces, np.asarray(camera.eye), V[chosen], both
         )

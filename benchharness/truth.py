@@ -67,7 +67,7 @@ def reflection_points(
 
 
 def _solved(p, n, eye, V, b) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Newton's method from b [..., 2] on triangles p, n [..., 3, 3]: points, whether they are reflection points, and normals."""
+    """Newton's method from b [..., 2] on triangles p, n [..., 3, 3]: points, which are reflection points, and normals."""
     h = 1e-6
     for _ in range(STEPS):
         f, *_ = _mismatch(b, p, n, eye, V)
@@ -108,7 +108,9 @@ def every_reflection_point(
         J = np.stack([f[1] - f[0], f[2] - f[0]], axis=-1)
         det = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
         det = np.where(np.abs(det) < 1e-14, np.inf, det)
-        b = np.stack([J[:, 0, 1] * f[0, :, 1] - J[:, 1, 1] * f[0, :, 0], J[:, 1, 0] * f[0, :, 0] - J[:, 0, 0] * f[0, :, 1]], axis=1)
+        b = np.stack(
+            [J[:, 0, 1] * f[0, :, 1] - J[:, 1, 1] * f[0, :, 0], J[:, 1, 0] * f[0, :, 0] - J[:, 0, 0] * f[0, :, 1]], axis=1
+        )
         b = b / det[:, None]
         near = (b > -NEIGHBOURLY).all(axis=1) & (b.sum(axis=1) < 1 + NEIGHBOURLY)
         P, valid, N = _solved(p[near], n[near], eye, v, np.clip(b[near], 0, 1))

@@ -6,10 +6,10 @@ placed behind R, and the scene with these virtual vertices is rasterized where t
 Paper: Estalella, Martin, Drettakis, Tost, "A GPU-driven algorithm for accurate interactive reflections on curved objects",
 EGSR 2006; sections 4 and 5.
 
-Assumes one reflection point per vertex, found on the reflector's closed stand-in. Fails where a vertex has several (concave
-and mixed mirrors: one is found, which one depends on the start), where triangles are long (the image of an edge is
-straight between its virtual end points), and where the mirror's own wall stands between a vertex and its reflection point (no
-test for that: a bowl seen from inside shows what is behind it). Shows no second bounce and not the reflector itself.
+The paper assumes one reflection point per vertex, on the reflector's closed stand-in. Where a vertex has several (concave
+and mixed mirrors), one is found, which one depends on the start; and nothing tests whether the mirror's own wall stands
+between a vertex and its reflection point: a bowl seen from inside shows what is behind it. `multi` lifts both limits. Fails
+where triangles are long (the image of an edge is straight between its virtual end points). Shows no second bounce.
 
 Where we differ:
 * `placement = "mirror"` is the paper's: V mirrored in the plane at the best texel. It multiplies the error of the texel by
@@ -21,6 +21,10 @@ Where we differ:
 * `warm = "point"` carries the reflection point itself from frame to frame and looks where it is seen now. The paper carries
   its texel, which a mirror that moves or grows on the screen leaves behind.
 * `start = "pyramid"` lets a cold search begin with wide strides; the paper starts at the centre with single texels.
+* `multi` finds up to so many reflections per vertex: searches climb from texels spread over the mirror's picture, and triangles
+  join what belongs together (kernels.several, kernels.branches). Rays ask whether the mirror hides a reflection from the
+  eye or from the vertex, and, per pixel, whether it meets itself: there it is black. On a mirror of few texels many searches
+  end between texels that agree too little to tell a reflection from none; what is within two degrees of it is drawn.
 * A vertex that starts on a texel that the reflector has left begins anew from the middle of the reflector's picture.
 """
 
@@ -140,8 +144,9 @@ class ImageSpaceSearch(Method):
         def solve(i: int, part: mi.UInt32) -> vertexwise.Solved:
             window = search.window(frame.view, frame.boxes[i], self.widening)
             texels = search.render(frame.proxies[i], frame.poses, part, window.view)
-            if state.mirrors[i] is not None:
-                mesh, seeds = state.mirrors[i]
+            mirror = state.mirrors[i]
+            if mirror is not None:
+                mesh, seeds = mirror
                 pose = placement.pose_of(frame.poses, part)
                 made, reads = _search_several(
                     seen.world, shown_parts, mesh, seeds, texels, window, pose, part, frame.view,
@@ -163,7 +168,7 @@ class ImageSpaceSearch(Method):
 
 
 def _mirror(reflector: Reflector) -> tuple[newton.Mesh, several.Seeds] | None:
-    """What the mirror's picture is of: the closed stand-in or the sheet. None if it is convex and has one reflection at most."""
+    """What the mirror's picture is of: the closed stand-in or the sheet. None if it is convex: then it has one reflection."""
     mesh, backs = reflector.closed or reflector.mesh, reflector.closed is None
     solid = newton.mesh(mesh.vertices, mesh.normals, mesh.faces, backs)
     return None if solid.convex else (solid, several.seeds(mesh.vertices, mesh.normals, mesh.faces, backs))

@@ -4,10 +4,14 @@ For every vertex V, a walk over the mirror's triangles goes where half vector an
 derivatives: kernels.newton. Nothing is precomputed but a hierarchy over the mirror alone, which moves with it.
 After Jakob and Marschner 2012, "Manifold exploration", with the damping of Zeltner, Georgiev and Jakob 2020.
 
-Assumes one reflection per vertex; of several, the walk finds the one that it comes to from the best of a few hundred points
-of the mirror, or from the last frame's. Needs no star-shaped and no convex mirror. Fails where triangles are long (images
-of edges are straight), and where the mirror's own wall stands between a vertex and its reflection point (not tested). Shows
-no second bounce and not the mirror itself.
+With `multi = 1`, finds one reflection per vertex: of several, the one that the walk comes to from the best of a few hundred
+points of the mirror, or from the last frame's; whether the mirror's own wall stands between the two is not tested. With more,
+walks start from all points of the mirror that agree better than those around them, rays ask what the mirror hides, and
+triangles join what belongs together (kernels.several, kernels.branches); where the mirror meets itself it is black. Of two
+reflections that are about to meet on a caustic, one may be missed, and triangles that reach over the caustic are not drawn.
+
+Needs no star-shaped and no convex mirror. Fails where triangles are long: images of edges are straight. Shows no second
+bounce.
 """
 
 from __future__ import annotations

@@ -5,9 +5,9 @@ of the light's path by way of the mirror would vanish, if it were linear between
 then drawn with its vertices at their reflection points.
 Paper: Roger, Holzschuch, "Accurate specular reflections in real-time", Eurographics 2006; section 3.
 
-Assumes a star-shaped mirror, and one reflection per vertex: mirrors with several show the one that the search comes to. Fails
-where triangles are long (images of edges are straight), and near outlines, where a secant may leave the mirror's visible
-side: its own test then says "not converged". Shows no second bounce and not the mirror itself.
+Assumes a star-shaped mirror. The paper assumes one reflection per vertex: mirrors with several show the one that the search
+comes to. `multi` lifts that. Fails where triangles are long (images of edges are straight), and near outlines, where a secant
+may leave the mirror's visible side: its own test then says "not converged". Shows no second bounce.
 
 Where we differ:
 * The printed equation (1) is a transpose and has other zeros than the path's length: kernels.secant.
@@ -21,6 +21,9 @@ Where we differ:
   et al. 2006 do; "clamp" puts them on the outline; "cut" ends triangles where they become hidden.
 * `depth = "screen_linear"` is the paper's: triangles span reflection points and are sorted by the distance to what is
   reflected, linear on the screen. "perspective" draws triangles in space, behind the mirror, where each image is.
+* `multi` finds up to so many reflections per vertex: triangles close in around points spread over the mirror, and the scene's
+  triangles join what belongs together (kernels.several, kernels.branches). Rays ask whether the mirror hides a reflection from
+  the eye or from the vertex, and, per pixel, whether it meets itself: there it is black.
 * `self_occlusion`: the paper's test against the mirror's nearest back. A convex mirror cannot fail it and is not asked.
 """
 

@@ -36,9 +36,14 @@ def hollow_ball() -> Reflector:
     return Reflector("inside", Mesh(ball.vertices, ball.faces[:, ::-1], -ball.normals))
 
 
+def slots(answer) -> list:
+    vertices = answer.reflection.vertices
+    return [vertices, *vertices.further]
+
+
 def places(answer) -> tuple[np.ndarray, np.ndarray]:
     """Reflection points [N, K, 3] of the vertices of a scene with one mirror, and whether there is one [N, K]."""
-    all_ = [answer.reflection.vertices, *answer.reflection.vertices.further]
+    all_ = slots(answer)
     return np.stack([lanes(v.R) for v in all_], 1), np.stack([np.array(v.region) == vertexwise.REFLECTED for v in all_], 1)
 
 
@@ -54,7 +59,7 @@ def inside_a_ball():
     V = np.random.default_rng(0).uniform(-0.5, 0.5, (300, 3))
     one = np.arange(300)[:, None].repeat(3, axis=1)  # triangles without area: nothing of them is drawn
     points = Object("points", Mesh(V, one, np.tile([0.0, 0, 1], (300, 1)), radiance=np.ones((300, 3))), "reflections")
-    made = scene([points], [hollow_ball()], still(tuple(EYE), (0.1, 0.05, 1.0), 100.0), frames=1)
+    made = scene([points], [hollow_ball()], still(tuple(EYE), (0.6, 0.4, 1.0), 100.0), frames=1)
     return made, [alhazen_inside(EYE, v) for v in V]
 
 
@@ -63,19 +68,20 @@ def test_inside_a_sphere_all_of_alhazens_points_are_found_and_nothing_else(name,
     made, roots = inside_a_ball
     answer = shaded(replace(ALL[name], multi=4), made, 0)[0]
     R, filled = places(answer)
+    filled &= np.stack([np.array(v.converged) for v in slots(answer)], 1)
     assert {len(r) for r in roots} == {2, 4}
-    size, missed, total = answer.active.shape[::-1], 0, 0
+    size, strange, missed, total = answer.active.shape[::-1], 0, 0, 0
     for own, there, true in zip(R, filled, roots, strict=False):
         # A chord of 2π/128 sags by 3e-4; where two points are about to meet, they move by the root of that.
         near = np.linalg.norm(own[there][:, None] - true, axis=2)
-        assert (near.min(axis=1) < 0.03).all()
-        if name == "image_space_search":  # knows what its picture shows
-            at = truth.on_screen(true, made.camera(0.0), *size)
-            near = near[:, ((at > 2) & (at < np.array(size) - 2)).all(axis=1)]
+        strange += int((near.min(axis=1, initial=np.inf) > 0.05).sum())
+        at = truth.on_screen(true, made.camera(0.0), *size)
+        near = near[:, ((at > 2) & (at < np.array(size) - 2)).all(axis=1)]
         total += near.shape[1]
-        missed += int((near.min(axis=0, initial=np.inf) > 0.03).sum())
-    assert total > (150 if name == "image_space_search" else 600)
-    assert missed <= 0.02 * total
+        missed += int((near.min(axis=0, initial=np.inf) > 0.05).sum())
+    assert total > 250
+    # Right at a caustic, half vector and normal nearly agree where there is no point any more.
+    assert strange <= 1 and missed <= 0.01 * total
 
 
 @every_method
@@ -92,7 +98,7 @@ def test_each_is_found_once(name, inside_a_ball):
 def test_of_a_convex_mirror_nothing_changes(name, room, renderer):
     one, several_ = (shaded(replace(ALL[name], multi=m), room, 0, renderer=renderer)[0] for m in (1, 4))
     assert several_.same(one)
-    assert several_.reflection.vertices.further == []
+    assert len(slots(several_)) == 1
 
 
 def test_a_path_by_way_of_a_concave_mirror_is_shortest_before_the_foci_longest_behind_and_between_neither():
@@ -107,8 +113,8 @@ def test_a_path_by_way_of_a_concave_mirror_is_shortest_before_the_foci_longest_b
         ways = [-np.cos(angle) * P + sign * np.sin(angle) * across for sign in (1, -1)]
         ray = mi.Ray3f(mi.Point3f(0), mi.Vector3f(P.tolist()))
         hit = mesh.scene.ray_intersect_preliminary(ray)
-        points = [P + d * w for d, w in zip((d_E, d_V), ways, strict=True)]
-        where = placement.Place(*(mi.Point3f(p.tolist()) for p in points), view.x, view.y, view.w)
+        eye, V = (mi.Point3f((P + d * w).tolist()) for d, w in zip((d_E, d_V), ways, strict=True))
+        where = placement.Place(eye, V, view.x, view.y, view.w)
         return newton.kind(mesh, where, newton.Where(hit.prim_index, mi.Point2f(hit.prim_uv)), mi.Bool(True))[0]
 
     assert kind(np.pi / 3, 1.0, 0.25) == newton.MINIMUM

@@ -166,8 +166,8 @@ def test_from_one_focus_of_an_ellipsoid_to_anywhere_they_are_where_the_line_to_t
 
 
 def test_a_point_that_the_mirror_hides_from_eye_or_vertex_is_not_shown():
-    """The plane y = 0, and before it shutters of the same mesh that turn their backs to the eye: one on the way there, one on the
-    way to the vertex, one beside."""
+    """The plane y = 0, and before it a shutter of the same mesh that turns its back to the eye: on the way there, on the way to
+    the vertex, or beside."""
     V = np.array([[1.0, -2.0, 0.0]])
     R = np.array([2 / 3, 0.0, 0.0])  # the eye is twice as far from the plane
     for at, shows in ((None, True), ((R + EYE) / 2, False), ((R + V[0]) / 2, False), (np.array([-1.0, -1.0, 0.0]), True)):
@@ -182,6 +182,8 @@ def test_a_point_that_the_mirror_hides_from_eye_or_vertex_is_not_shown():
 def test_a_sheet_may_be_a_mirror_on_its_back_too(ball):
     """Alhazen's points of the inside, of a ball whose normals point outward."""
     eye, V = np.array([0.1, 0.05, -0.6]), np.array([[0.2, -0.1, 0.3]])
-    outward = [truth.every_reflection_point(ball.vertices, ball.normals, ball.faces, eye, V, both)[0][0] for both in (False, True)]
+    outward = [
+        truth.every_reflection_point(ball.vertices, ball.normals, ball.faces, eye, V, both)[0][0] for both in (False, True)
+    ]
     assert len(outward[0]) == 0
     assert same_points(outward[1], alhazen_inside(eye, V[0]), 2e-3)

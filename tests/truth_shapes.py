@@ -78,7 +78,7 @@ def alhazen(eye, V):
 
 
 def alhazen_inside(eye, V):
-    """All reflection points [K, 3] on the inside of the unit sphere at the origin: the roots of Alhazen's quartic on the circle.
+    """All reflection points [K, 3] on the inside of the unit sphere at the origin: the roots of Alhazen's quartic.
 
     In the plane of the centre, the eye A and the vertex B, as complex numbers: A* B* z⁴ - (A* + B*) z³ + (A + B) z - A B = 0.
     """

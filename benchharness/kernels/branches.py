@@ -1,4 +1,4 @@
-"""Drawing several reflections per vertex: a triangle is drawn once for each set of its vertices' reflections that belong together.
+"""Drawing several reflections per vertex: a triangle is drawn once for each three of its vertices' that belong together.
 
 Over a smooth piece of the mirror's answer, a *branch*, the reflection point of V moves smoothly with V, and what kind of path
 it makes does not change (`newton.kind`): that changes where two branches meet and end, on a caustic. So the reflections of two
@@ -171,7 +171,7 @@ def _faces(images: virtual.Images, world: geometry.Geometry, places: int) -> mi.
         return mi.UInt32(p.w) & (SEEN - 1)
 
     def goes_behind(i: int, place, j: int) -> mi.Bool:
-        """Whether the image at a place of corner i is that of an edge that goes behind the mirror before it comes to corner j."""
+        """Whether the image at a place of corner i is of an edge that goes behind the mirror before it comes to corner j."""
         return is_hidden[j] & ~is_hidden[i] & (place == beside[i][0]) & (beside[i][1] < GRAZING * dr.norm(V[j] - V[i]))
 
     def partner(i: int, place, j: int) -> mi.UInt32:

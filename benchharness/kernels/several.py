@@ -1,7 +1,7 @@
 """Several reflection points per vertex: where searches start, which of their ends are different points, and which are seen.
 
-Half vector and normal agree at every reflection point, whether the light's path is shortest, longest or neither there: each is a
-maximum of their agreement over the mirror. So the agreement is evaluated at points spread over the mirror (`Seeds`), and a
+Half vector and normal agree at every reflection point, whether the light's path is shortest, longest or neither there: each
+is a maximum of their agreement over the mirror. So the agreement is evaluated at points spread over the mirror (`Seeds`), and a
 search starts at each that agrees better than those around it. The searches are the methods' own, each in a lane: number
 k * count + v is the k-th start of vertex v of `count`.
 
@@ -202,9 +202,10 @@ def is_seen(mirror: newton.Mesh, where: Place, R: mi.Point3f, n: mi.Normal3f, ac
 
 
 def finish(ends: Ends, starts: Starts, mirror: newton.Mesh, pose: list, view, count: int, multi: int) -> Found:
-    """Which ends are different points, those that are seen first, in the order of their starts."""
+    """Which ends are different points in front of the eye, those that are seen first, in the order of their starts."""
     most, where = tries(multi), starts.where
-    reflected = starts.active & ends.reflected
+    in_view = dr.dot(where.w, mi.Vector4f(ends.R.x, ends.R.y, ends.R.z, 1)) > view.near
+    reflected = starts.active & ends.reflected & in_view
     on = ends.on
     if on is None:
         d = ends.R - where.eye
@@ -232,7 +233,9 @@ def finish(ends: Ends, starts: Starts, mirror: newton.Mesh, pose: list, view, co
     different = [r != NONE for r in ranks]
     for i in range(most):
         for j in range(i):
-            one = (ranks[i] != NONE) & (ranks[j] != NONE) & (dr.norm(points[i] - points[j]) < dr.minimum(near_by[i], near_by[j]))
+            one = (
+                (ranks[i] != NONE) & (ranks[j] != NONE) & (dr.norm(points[i] - points[j]) < dr.minimum(near_by[i], near_by[j]))
+            )
             different[i] &= ~(one & (ranks[j] <= ranks[i]))
             different[j] &= ~(one & (ranks[i] < ranks[j]))
     reflections = mi.UInt32(0)

@@ -10,7 +10,7 @@ from scenes.stress.minimal import RED, cap, eye, sphere, stage, thing
 REGIME = Regime(
     entry="F-20",
     title="Several images in a bowl",
-    severity="distance of the ball from the bottom of the bowl, in radii; a vertex has one image at 0.6 and more, three at 0.35",
+    severity="distance of the ball from the bowl's bottom, in radii; one image per vertex down to 0.6, three at 0.35",
     severities=(0.9, 0.6, 0.45, 0.35, 0.2),
     symptom="share of the vertices' visible reflections that are not found; FLIP in the mirror where a method has no vertices",
     bound=0.1,
