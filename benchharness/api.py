@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 @dataclass
 class View:
     """A pinhole camera on the device. All arrays are opaque, so that a new frame compiles nothing.
-
     eye                position
     x, y, w            world to screen: pixel column = (x · (P, 1)) / (w · (P, 1)), row likewise with y; w · (P, 1) is depth
     right, down, axis  the ray through column c, row r (centres at + 0.5) has direction axis + c right + r down, unnormalised
@@ -60,8 +59,7 @@ class Surface:
 class Frame:
     """What the harness knows about a frame before any method runs: the rasterized first hit of every pixel.
 
-    index, time  number in the animation; seconds
-    view         the camera
+    index, time  number in the animation; seconds. view: the camera
     poses        12 floats per part (`scene.parts`): rows of its 3 x 4 object-to-world matrix
     reflector    number of the reflector seen, 0 ..; -1 where none is
     active       reflector >= 0
@@ -94,9 +92,10 @@ class Frame:
 class Vertices:
     """What a vertex-driven method found, one lane per (reflector, vertex of `scene.parts`), reflector major.
 
+    valid     converged, and of several: the mirror hides R neither from the eye nor from the vertex
     region    0 unknown, 1 reflected (A), 2 unreflected (B), 3 hidden (C)
-    residual  |half vector - normal| at R
-    border    the search ended at the edge of the reflector's image"""
+    residual  |half vector - normal| at R; border: the search ended at the edge of the reflector's image
+    further   a vertex's second reflection and so on, 0 for none; the first has not converged where there is no room for all"""
 
     R: mi.Point3f
     n: mi.Normal3f
@@ -107,6 +106,7 @@ class Vertices:
     iterations: mi.UInt32
     residual: mi.Float
     border: mi.Bool
+    further: list[Vertices] = field(default_factory=list)
 
 
 @dataclass

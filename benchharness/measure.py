@@ -326,9 +326,10 @@ def _warm_up(entry: _Entry, frame: Frame) -> None:
     timing.warm_up(lambda: _timed_part(entry.method.shade(entry.before, frame)))
 
 
-def _arrays(vertices: Vertices) -> dict[str, np.ndarray]:
-    """The fields as arrays [N] or [N, 3]."""
-    return {f.name: np.array(getattr(vertices, f.name)).T for f in fields(vertices)}
+def _arrays(vertices: Vertices) -> dict[str, Any]:
+    """The fields as arrays [N] or [N, 3]; of `further`, a list of such."""
+    arrays = {f.name: np.array(getattr(vertices, f.name)).T for f in fields(vertices) if f.name != "further"}
+    return {**arrays, "further": [_arrays(more) for more in vertices.further]}
 
 
 def run_up(index: int, frames: int) -> list[int]:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -31,7 +32,8 @@ class Seen:
     doubt              where it had one and knows that it may be wrong, bool
     distance, length   metres along the reflected ray: the method's, and the reference's (inf: surroundings)
     error              FLIP map
-    vertices           fields of `benchharness.api.Vertices` as NumPy arrays [N] or [N, 3]; None for other methods
+    vertices           fields of `benchharness.api.Vertices` as NumPy arrays [N] or [N, 3], `further` a list of such; None for
+                       other methods
     record             the columns of results.csv that were measured
     scene, time        as drawn; seconds
     """
@@ -45,7 +47,7 @@ class Seen:
     distance: np.ndarray
     length: np.ndarray
     error: np.ndarray
-    vertices: dict[str, np.ndarray] | None
+    vertices: dict[str, Any] | None
     record: dict
     scene: Scene
     time: float

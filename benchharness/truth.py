@@ -2,7 +2,8 @@
 
 On a triangle with corners p_k and normals n_k, the point P = Σ b_k p_k reflects V to the eye where the tangential part of
 the half vector vanishes with respect to the interpolated normal N = Σ b_k n_k: two equations for two barycentric
-coordinates, solved by Newton's method with numerical derivatives. A vertex may have several such points.
+coordinates, solved by Newton's method with numerical derivatives. A vertex may have several such points:
+`reflection_points` finds those near a guess, quickly, `every_reflection_point` all of them.
 """
 
 from __future__ import annotations
@@ -17,6 +18,9 @@ from benchharness.scene import Camera, Scene
 STEPS = 12
 LONGEST = 0.25  # barycentric; Newton's own steps overshoot on triangles as large as the mirror
 INSIDE = 1e-6  # barycentric tolerance: a point on an edge belongs to both triangles
+NEIGHBOURLY = 1.0  # barycentric; a start this far outside of a triangle may lead into it, as the mismatch is not linear
+SAME = 1e-5  # of the reflector's size; nearer than this, an edge's or a corner's triangles have found the same point
+LIFT = 1e-4  # of the reflector's size; rays start this far in front of the surface
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -66,23 +70,74 @@ def reflection_points(
         s = to_eye + _unit(V[i] - centre)
         agreement = np.where(facing, _dot(s, centre_n) / np.maximum(np.sqrt(_dot(s, s)), 1e-12), -1)
         chosen[i, :candidates] = np.argpartition(-agreement, candidates - 1)[:candidates]
-    p, n = vertices[faces[chosen]], normals[faces[chosen]]
-    V_ = V[:, None, :]
-    b = np.full((*chosen.shape, 2), 1 / 3)
+    return _solved(vertices[faces[chosen]], normals[faces[chosen]], eye, V[:, None, :], np.full((*chosen.shape, 2), 1 / 3))[:2]
+
+
+def _solved(p, n, eye, V, b) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Newton's method from b [..., 2] on triangles p, n [..., 3, 3]: points, which are reflection points, and normals."""
     h = 1e-6
     for _ in range(STEPS):
-        f, *_ = _mismatch(b, p, n, eye, V_)
-        J = np.stack([(_mismatch(b + h * np.eye(2)[k], p, n, eye, V_)[0] - f) / h for k in (0, 1)], axis=-1)
+        f, *_ = _mismatch(b, p, n, eye, V)
+        J = np.stack([(_mismatch(b + h * np.eye(2)[k], p, n, eye, V)[0] - f) / h for k in (0, 1)], axis=-1)
         det = J[..., 0, 0] * J[..., 1, 1] - J[..., 0, 1] * J[..., 1, 0]
         det = np.where(np.abs(det) < 1e-12, np.inf, det)
         step = np.stack(
             [J[..., 1, 1] * f[..., 0] - J[..., 0, 1] * f[..., 1], J[..., 0, 0] * f[..., 1] - J[..., 1, 0] * f[..., 0]], axis=-1
         )
         b = np.clip(b - np.clip(step / det[..., None], -LONGEST, LONGEST), -4, 4)
-    f, P, N = _mismatch(b, p, n, eye, V_)
+    f, P, N = _mismatch(b, p, n, eye, V)
     inside = (b >= -INSIDE).all(axis=-1) & (b.sum(axis=-1) <= 1 + INSIDE)
-    valid = inside & (np.abs(f).max(axis=-1) < 1e-7) & (_dot(eye - P, N) > 0) & (_dot(V_ - P, N) > 0)
-    return P, valid
+    valid = inside & (np.abs(f).max(axis=-1) < 1e-7) & (_dot(eye - P, N) > 0) & (_dot(V - P, N) > 0)
+    return P, valid, N
+
+
+def every_reflection_point(
+    vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, eye: np.ndarray, V: np.ndarray, both_sides: bool = False
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """All reflection points of each V [N, 3], and which of them show it: lists of N arrays [K, 3] and [K].
+
+    Every triangle is asked: where the mismatch would vanish if it were linear on it, Newton's method starts if that is not far
+    outside. A point shows its V if no other part of the mesh is between it and the eye or between it and V. One vertex
+    costs two passes over all triangles, so this is for some fifty at a time.
+
+    vertices, normals [M, 3], faces [F, 3]: the reflector in world space; `both_sides`: an open sheet, a mirror on its back too
+    """
+    eye = np.asarray(eye, np.float64)
+    p, n = vertices[faces], normals[faces]
+    if both_sides:
+        away = (np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) * (eye - p[:, 0])).sum(axis=1) < 0
+        n = np.where(away[:, None, None], -n, n)
+    size = np.linalg.norm(np.ptp(vertices, axis=0))
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    points, shown = [], []
+    for v in np.asarray(V, np.float64):
+        f = np.stack([_mismatch(np.broadcast_to(b, (len(p), 2)), p, n, eye, v)[0] for b in corners])
+        J = np.stack([f[1] - f[0], f[2] - f[0]], axis=-1)
+        det = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
+        det = np.where(np.abs(det) < 1e-14, np.inf, det)
+        b = np.stack(
+            [J[:, 0, 1] * f[0, :, 1] - J[:, 1, 1] * f[0, :, 0], J[:, 1, 0] * f[0, :, 0] - J[:, 0, 0] * f[0, :, 1]], axis=1
+        )
+        b = b / det[:, None]
+        near = (b > -NEIGHBOURLY).all(axis=1) & (b.sum(axis=1) < 1 + NEIGHBOURLY)
+        P, valid, N = _solved(p[near], n[near], eye, v, np.clip(b[near], 0, 1))
+        P, N = P[valid], N[valid]
+        first = [i for i in range(len(P)) if (np.linalg.norm(P[:i] - P[i], axis=1) > SAME * size).all()]
+        P, lifted = P[first], P[first] + LIFT * size * N[first]
+        points.append(P)
+        shown.append(np.array([not (_blocked(o, eye, p) or _blocked(o, v, p)) for o in lifted], bool))
+    return points, shown
+
+
+def _blocked(o: np.ndarray, end: np.ndarray, p: np.ndarray) -> bool:
+    """Whether a triangle of p [F, 3, 3] crosses the segment from o to just before `end` (Möller and Trumbore 1997)."""
+    d = end - o
+    e1, e2, s = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0], o - p[:, 0]
+    q, r = np.cross(d, e2), np.cross(s, e1)
+    det = (e1 * q).sum(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u, w, t = (s * q).sum(axis=1) / det, (r @ d) / det, (e2 * r).sum(axis=1) / det
+    return bool(((u >= 0) & (w >= 0) & (u + w <= 1) & (t > 0) & (t < 1 - 1e-4)).any())
 
 
 def on_screen(points: np.ndarray, camera: Camera, width: int, height: int) -> np.ndarray:

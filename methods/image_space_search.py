@@ -6,10 +6,10 @@ placed behind R, and the scene with these virtual vertices is rasterized where t
 Paper: Estalella, Martin, Drettakis, Tost, "A GPU-driven algorithm for accurate interactive reflections on curved objects",
 EGSR 2006; sections 4 and 5.
 
-Assumes one reflection point per vertex, found on the reflector's closed stand-in. Fails where a vertex has several (concave
-and mixed mirrors: one is found, which one depends on the start), where triangles are long (the image of an edge is
-straight between its virtual end points), and where the mirror's own wall stands between a vertex and its reflection point (no
-test for that: a bowl seen from inside shows what is behind it). Shows no second bounce and not the reflector itself.
+The paper assumes one reflection point per vertex, on the reflector's closed stand-in. Where a vertex has several (concave
+and mixed mirrors), one is found, which one depends on the start; and nothing tests whether the mirror's own wall stands
+between a vertex and its reflection point: a bowl seen from inside shows what is behind it. `multi` lifts both limits. Fails
+where triangles are long (the image of an edge is straight between its virtual end points). Shows no second bounce.
 
 Where we differ:
 * `placement = "mirror"` is the paper's: V mirrored in the plane at the best texel. It multiplies the error of the texel by
@@ -21,12 +21,16 @@ Where we differ:
 * `warm = "point"` carries the reflection point itself from frame to frame and looks where it is seen now. The paper carries
   its texel, which a mirror that moves or grows on the screen leaves behind.
 * `start = "pyramid"` lets a cold search begin with wide strides; the paper starts at the centre with single texels.
+* `multi` finds up to so many reflections per vertex: searches climb from texels spread over the mirror's picture, and triangles
+  join what belongs together (kernels.several, kernels.branches). Rays ask whether the mirror hides a reflection from the
+  eye or from the vertex, and, per pixel, whether it meets itself: there it is black. On a mirror of few texels many searches
+  end between texels that agree too little to tell a reflection from none; what is within two degrees of it is drawn.
 * A vertex that starts on a texel that the reflector has left begins anew from the middle of the reflector's picture.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal
 
 import drjit as dr
@@ -34,11 +38,12 @@ import mitsuba as mi
 from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection, Vertices, View
-from benchharness.kernels import optics, search, vertexwise, virtual
+from benchharness.kernels import branches, newton, optics, placement, search, several, vertexwise, virtual
 from benchharness.kernels.frozen import frozen
-from benchharness.scene import Scene
+from benchharness.scene import Reflector, Scene
 
 COLD = 0xFFFF_FFFF
+NEAR = 0.03  # |half vector - normal| of an end that is drawn; what a texel turns the normal by on a mirror 70 texels wide
 PYRAMID_STRIDE = 32  # texels; first stride of a cold search
 
 
@@ -71,12 +76,14 @@ class Ends:
 @dataclass
 class State:
     """
-    ends  per reflector, where the last searches ended
-    view  the camera of the last frame
+    mirrors  per reflector, its mesh and where searches for several reflections may start; None where there is one at most
+    ends     per reflector, where the last searches ended; None for those
+    view     the camera of the last frame
     """
 
     scenery: vertexwise.Scenery
-    ends: list[Ends]
+    mirrors: list[tuple[newton.Mesh, several.Seeds] | None]
+    ends: list[Ends | None]
     view: View | None
 
 
@@ -96,6 +103,8 @@ class ImageSpaceSearch(Method):
                    paper ("texel"), or start cold in every frame ("off")
     max_iter       neighbourhoods after which a search gives up
     others         other mirrors in this one: "black", or "omitted" to show what is behind them
+    multi          reflections per vertex that are found and drawn; with more than one, every search is a cold one from
+                   texels spread over the mirror's picture, and hidden vertices are "cut"
     """
 
     score: Literal["sq", "dot"] = "sq"
@@ -108,14 +117,20 @@ class ImageSpaceSearch(Method):
     warm: Literal["point", "texel", "off"] = "point"
     max_iter: Annotated[int, Field(ge=1)] = 4096
     others: Literal["black", "omitted"] = "black"
+    multi: Annotated[int, Field(ge=1, le=8)] = 1
 
     paper: ClassVar[str] = "Estalella et al. 2006"
 
+    def __post_init__(self) -> None:
+        if self.multi > 1 and self.hidden != "cut":
+            raise ValueError(f'image_space_search: multi {self.multi} with hidden "{self.hidden}"; accepted: "cut"')
+
     def prepare(self, scene: Scene) -> State:
-        return State(vertexwise.scenery(scene), [], None)
+        mirrors = [_mirror(reflector) if self.multi > 1 else None for reflector in scene.reflectors]
+        return State(vertexwise.scenery(scene), mirrors, [], None)
 
     def update(self, state: State, frame: Frame) -> State:
-        return State(vertexwise.posed(state.scenery, frame), state.ends, state.view)
+        return replace(state, scenery=vertexwise.posed(state.scenery, frame))
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         options = Options(
@@ -127,9 +142,18 @@ class ImageSpaceSearch(Method):
         drawing = virtual.Drawing("cut" if self.hidden == "cut" else "keep")
 
         def solve(i: int, part: mi.UInt32) -> vertexwise.Solved:
-            last = state.ends[i] if warm else Ends.cold(count)
             window = search.window(frame.view, frame.boxes[i], self.widening)
             texels = search.render(frame.proxies[i], frame.poses, part, window.view)
+            mirror = state.mirrors[i]
+            if mirror is not None:
+                mesh, seeds = mirror
+                pose = placement.pose_of(frame.poses, part)
+                made, reads = _search_several(
+                    seen.world, shown_parts, mesh, seeds, texels, window, pose, part, frame.view,
+                    dr.opaque(mi.UInt32, self.max_iter), self.multi, options,
+                )  # fmt: skip
+                return branches.solved(made, mesh, seeds, pose, frame, i, part, self.hidden, {"texel_reads": reads})
+            last = state.ends[i] if warm else Ends.cold(count)
             images, end, report, reads = _search(
                 seen.world.points, shown_parts, texels, window, part, frame.view, state.view if warm else frame.view,
                 last, count, dr.opaque(mi.UInt32, self.max_iter), options,
@@ -138,8 +162,16 @@ class ImageSpaceSearch(Method):
             return vertexwise.Solved(images, end, report, drawing, picture, counters={"texel_reads": reads})
 
         shown = vertexwise.shown(seen, frame, solve)
-        reflection = Reflection(shown.L, shown.distance, shown.found, Vertices(**shown.report), shown.counters)
-        return reflection, State(seen, shown.ends, frame.view)
+        vertices = Vertices(**shown.report, further=[Vertices(**report) for report in shown.further])
+        reflection = Reflection(shown.L, shown.distance, shown.found, vertices, shown.counters)
+        return reflection, replace(state, ends=shown.ends, view=frame.view)
+
+
+def _mirror(reflector: Reflector) -> tuple[newton.Mesh, several.Seeds] | None:
+    """What the mirror's picture is of: the closed stand-in or the sheet. None if it is convex: then it has one reflection."""
+    mesh, backs = reflector.closed or reflector.mesh, reflector.closed is None
+    solid = newton.mesh(mesh.vertices, mesh.normals, mesh.faces, backs)
+    return None if solid.convex else (solid, several.seeds(mesh.vertices, mesh.normals, mesh.faces, backs))
 
 
 @frozen
@@ -194,3 +226,27 @@ def _search(
         end.points = dr.empty(mi.Float, 3 * count)
         dr.scatter(end.points, R, lane)
     return images, end, report, found.reads
+
+
+@frozen
+def _search_several(
+    world, shown_parts, mesh: newton.Mesh, seeds, texels, window: search.Window, pose: list, part, view: View, max_iter,
+    multi: int, options: Options,
+):  # fmt: skip
+    """Virtual vertices, triangles and reports of several reflections per vertex, and texels read per vertex."""
+    camera, count = window.view, world.vertex_count
+    starts = several.begin(seeds, mesh, pose, view, world.points, part, shown_parts, count, multi)
+    column, row, seen = search.texel_of(camera, placement.point_to_world(pose, starts.P))
+    active = starts.active & search.fetch(texels, camera, column, row, starts.active & seen)[0]
+    found = search.find(
+        options.score, options.neighbourhood, options.subtexel, texels, camera, starts.V, column, row, mi.Int32(1), active,
+        max_iter,
+    )  # fmt: skip
+    R, n = placement.place(pose, found.R, view).V, placement.normal_to_mirror(pose, found.n)
+    near = found.valid | (found.reflected & (found.residual < NEAR))
+    ends = several.Ends(R, n, near, found.valid, found.residual, found.iterations, None)
+    several_found = several.finish(ends, starts, mesh, pose, view, count, multi)
+    made = branches.arranged(
+        several_found, mesh, pose, world, part, shown_parts, view, multi, mirrored=options.placement == "mirror"
+    )
+    return made, several.per_vertex(dr.select(active, found.reads, 0), count, multi)

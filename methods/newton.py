@@ -4,15 +4,19 @@ For every vertex V, a walk over the mirror's triangles goes where half vector an
 derivatives: kernels.newton. Nothing is precomputed but a hierarchy over the mirror alone, which moves with it.
 After Jakob and Marschner 2012, "Manifold exploration", with the damping of Zeltner, Georgiev and Jakob 2020.
 
-Assumes one reflection per vertex; of several, the walk finds the one that it comes to from the best of a few hundred points
-of the mirror, or from the last frame's. Needs no star-shaped and no convex mirror. Fails where triangles are long (images
-of edges are straight), and where the mirror's own wall stands between a vertex and its reflection point (not tested). Shows
-no second bounce and not the mirror itself.
+With `multi = 1`, finds one reflection per vertex: of several, the one that the walk comes to from the best of a few hundred
+points of the mirror, or from the last frame's; whether the mirror's own wall stands between the two is not tested. With more,
+walks start from all points of the mirror that agree better than those around them, rays ask what the mirror hides, and
+triangles join what belongs together (kernels.several, kernels.branches); where the mirror meets itself it is black. Of two
+reflections that are about to meet on a caustic, one may be missed, and triangles that reach over the caustic are not drawn.
+
+Needs no star-shaped and no convex mirror. Fails where triangles are long: images of edges are straight. Shows no second
+bounce.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal
 
 import drjit as dr
@@ -20,7 +24,7 @@ import mitsuba as mi
 from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection, Vertices, View
-from benchharness.kernels import newton, optics, placement, search, vertexwise, virtual
+from benchharness.kernels import branches, newton, optics, placement, search, several, vertexwise, virtual
 from benchharness.kernels.frozen import frozen
 from benchharness.scene import Reflector, Scene
 
@@ -40,13 +44,15 @@ class Ends:
 @dataclass
 class State:
     """
-    ends  per reflector, where the last walks ended
-    view  the camera of the last frame
+    seeds  per reflector, where the walks for several reflections may start; None where there is one at most
+    ends   per reflector, where the last walks ended; None for those
+    view   the camera of the last frame
     """
 
     scenery: vertexwise.Scenery
     mirrors: list[newton.Mesh]
-    ends: list[Ends]
+    seeds: list[several.Seeds | None]
+    ends: list[Ends | None]
     view: View | None
 
 
@@ -57,39 +63,51 @@ class Newton(Method):
     hidden    triangles with hidden vertices: "cut" where they become hidden, or "drop"
     others    other mirrors in this one: "black", or "omitted" to show what is behind them
     max_iter  points after which a walk gives up
+    multi     reflections per vertex that are found and drawn; with more than one, every walk is a cold one
     """
 
     warm: bool = True
     hidden: Literal["cut", "drop"] = "cut"
     others: Literal["black", "omitted"] = "black"
     max_iter: Annotated[int, Field(ge=1)] = 60
+    multi: Annotated[int, Field(ge=1, le=8)] = 1
 
     paper: ClassVar[str] = "Jakob and Marschner 2012"
 
     def prepare(self, scene: Scene) -> State:
-        return State(vertexwise.scenery(scene), [_mesh(reflector) for reflector in scene.reflectors], [], None)
+        mirrors = [_mesh(reflector) for reflector in scene.reflectors]
+        seeds = [
+            several.seeds(r.mesh.vertices, r.mesh.normals, r.mesh.faces, backs=r.closed is None)
+            if self.multi > 1 and not mesh.convex
+            else None
+            for r, mesh in zip(scene.reflectors, mirrors, strict=True)
+        ]
+        return State(vertexwise.scenery(scene), mirrors, seeds, [], None)
 
     def update(self, state: State, frame: Frame) -> State:
-        return State(vertexwise.posed(state.scenery, frame), state.mirrors, state.ends, state.view)
+        return replace(state, scenery=vertexwise.posed(state.scenery, frame))
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         warm = self.warm and state.view is not None
         seen = state.scenery
         count, shown_parts = seen.triangles.vertex_count, seen.parts_shown(self.others)
-        drawing = virtual.Drawing(self.hidden)
+        drawing, max_iter = virtual.Drawing(self.hidden), dr.opaque(mi.UInt32, self.max_iter)
 
         def solve(i: int, part: mi.UInt32) -> vertexwise.Solved:
-            pose = placement.pose_of(frame.poses, part)
+            mesh, seeds, pose = state.mirrors[i], state.seeds[i], placement.pose_of(frame.poses, part)
+            if seeds is not None:
+                made = _solve_several(seen.world, shown_parts, mesh, seeds, pose, part, frame.view, self.multi, max_iter)
+                return branches.solved(made, mesh, seeds, pose, frame, i, part, self.hidden)
             images, end, report = _solve(
-                seen.world.points, shown_parts, state.mirrors[i], pose, part, frame.view,
-                state.view if warm else frame.view, state.ends[i] if warm else Ends.cold(count), count,
-                dr.opaque(mi.UInt32, self.max_iter),
+                seen.world.points, shown_parts, mesh, pose, part, frame.view,
+                state.view if warm else frame.view, state.ends[i] if warm else Ends.cold(count), count, max_iter,
             )  # fmt: skip
-            return vertexwise.Solved(images, end, report, drawing, newton.Shadow(state.mirrors[i], pose))
+            return vertexwise.Solved(images, end, report, drawing, newton.Shadow(mesh, pose))
 
         shown = vertexwise.shown(seen, frame, solve)
-        reflection = Reflection(shown.L, shown.distance, shown.found, Vertices(**shown.report), shown.counters)
-        return reflection, State(seen, state.mirrors, shown.ends, frame.view)
+        vertices = Vertices(**shown.report, further=[Vertices(**report) for report in shown.further])
+        reflection = Reflection(shown.L, shown.distance, shown.found, vertices, shown.counters)
+        return reflection, replace(state, ends=shown.ends, view=frame.view)
 
 
 def _mesh(reflector: Reflector) -> newton.Mesh:
@@ -133,3 +151,15 @@ def _solve(
         "region": region, "iterations": walked.iterations, "residual": walked.residual, "border": dr.zeros(mi.Bool, count),
     }  # fmt: skip
     return images, Ends(walked.on, mi.Bool(reflected)), report
+
+
+@frozen
+def _solve_several(world, shown_parts, mesh: newton.Mesh, seeds, pose: list, part, view: View, multi: int, max_iter):
+    """Virtual vertices, triangles and reports of several reflections per vertex."""
+    starts = several.begin(seeds, mesh, pose, view, world.points, part, shown_parts, world.vertex_count, multi)
+    walked = newton.walk(mesh, starts.where, starts.on, starts.active, max_iter, starts.touches)
+    ends = several.Ends(
+        walked.R, walked.n, walked.converged, walked.converged, walked.residual, walked.iterations, walked.on
+    )  # fmt: skip
+    found = several.finish(ends, starts, mesh, pose, view, world.vertex_count, multi)
+    return branches.arranged(found, mesh, pose, world, part, shown_parts, view, multi)

@@ -5,9 +5,9 @@ of the light's path by way of the mirror would vanish, if it were linear between
 then drawn with its vertices at their reflection points.
 Paper: Roger, Holzschuch, "Accurate specular reflections in real-time", Eurographics 2006; section 3.
 
-Assumes a star-shaped mirror, and one reflection per vertex: mirrors with several show the one that the search comes to. Fails
-where triangles are long (images of edges are straight), and near outlines, where a secant may leave the mirror's visible
-side: its own test then says "not converged". Shows no second bounce and not the mirror itself.
+Assumes a star-shaped mirror. The paper assumes one reflection per vertex: mirrors with several show the one that the search
+comes to. `multi` lifts that. Fails where triangles are long (images of edges are straight), and near outlines, where a secant
+may leave the mirror's visible side: its own test then says "not converged". Shows no second bounce.
 
 Where we differ:
 * The printed equation (1) is a transpose and has other zeros than the path's length: kernels.secant.
@@ -21,13 +21,16 @@ Where we differ:
   et al. 2006 do; "clamp" puts them on the outline; "cut" ends triangles where they become hidden.
 * `depth = "screen_linear"` is the paper's: triangles span reflection points and are sorted by the distance to what is
   reflected, linear on the screen. "perspective" draws triangles in space, behind the mirror, where each image is.
+* `multi` finds up to so many reflections per vertex: triangles close in around points spread over the mirror, and the scene's
+  triangles join what belongs together (kernels.several, kernels.branches). Rays ask whether the mirror hides a reflection from
+  the eye or from the vertex, and, per pixel, whether it meets itself: there it is black.
 * `self_occlusion`: the paper's test against the mirror's nearest back. A convex mirror cannot fail it and is not asked.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal
 
 import drjit as dr
@@ -36,7 +39,18 @@ import numpy as np
 from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection, Vertices, View
-from benchharness.kernels import newton, optics, placement, search, secant, starmap, vertexwise, virtual
+from benchharness.kernels import (
+    branches,
+    newton,
+    optics,
+    placement,
+    search,
+    secant,
+    several,
+    starmap,
+    vertexwise,
+    virtual,
+)
 from benchharness.kernels.frozen import frozen
 from benchharness.scene import Reflector, Scene
 
@@ -56,10 +70,12 @@ class Options:
 
 @dataclass
 class Mirror:
-    """One reflector: as a function of direction, and as a mesh."""
+    """One reflector: as a function of direction, and as a mesh. `seeds`: where searches for several reflections may start,
+    None where there is one at most."""
 
     star: starmap.StarMap
     mesh: newton.Mesh
+    seeds: several.Seeds | None
 
 
 @dataclass
@@ -77,14 +93,14 @@ class Ends:
 @dataclass
 class State:
     """
-    ends   per reflector, where the last searches ended
+    ends   per reflector, where the last searches ended; None for those with several reflections
     view   the camera of the last frame
     d_max  no reflected ray is longer, metres
     """
 
     scenery: vertexwise.Scenery
     mirrors: list[Mirror]
-    ends: list[Ends]
+    ends: list[Ends | None]
     view: View | None
     d_max: mi.Float
 
@@ -104,6 +120,8 @@ class SecantTriangle(Method):
     self_occlusion  leave out what lies behind the mirror's own nearest back
     others          other mirrors in this one: "black", or "omitted" to show what is behind them
     max_iter        samples, and again points, after which a search gives up
+    multi           reflections per vertex that are found and drawn; with more than one, every search is a cold one from a
+                    small triangle around a point of the mirror, and hidden vertices are "cut" or their triangles dropped
     """
 
     resolution: Annotated[int, Field(ge=8, le=2048)] = 256
@@ -118,12 +136,18 @@ class SecantTriangle(Method):
     self_occlusion: bool = True
     others: Literal["black", "omitted"] = "black"
     max_iter: Annotated[int, Field(ge=1)] = 60
+    multi: Annotated[int, Field(ge=1, le=8)] = 1
 
     paper: ClassVar[str] = "Roger and Holzschuch 2006"
 
     def __post_init__(self) -> None:
         if self.depth == "screen_linear" and self.hidden in ("cut", "emdt_mirror"):
             raise ValueError(f'secant_triangle: depth "screen_linear" with hidden "{self.hidden}"; accepted: "drop" or "clamp"')
+        if self.multi > 1 and (self.hidden not in ("cut", "drop") or self.depth != "perspective"):
+            raise ValueError(
+                f'secant_triangle: multi {self.multi} with hidden "{self.hidden}" and depth "{self.depth}"; '
+                'accepted: "cut" or "drop", and "perspective"'
+            )
 
     def refuses(self, scene: Scene) -> str | None:
         for reflector in scene.reflectors:
@@ -137,14 +161,16 @@ class SecantTriangle(Method):
         mirrors = []
         for reflector in scene.reflectors:
             star, mesh = _star(reflector, self.resolution)
-            walked = newton.mesh(mesh.vertices, mesh.normals, mesh.faces, backs=reflector.closed is None)
-            mirrors.append(Mirror(star, walked))
+            walked, seeds = newton.mesh(mesh.vertices, mesh.normals, mesh.faces, backs=reflector.closed is None), None
+            if self.multi > 1 and not walked.convex:
+                seeds = several.seeds(mesh.vertices, mesh.normals, mesh.faces, backs=reflector.closed is None)
+            mirrors.append(Mirror(star, walked, seeds))
         corners = np.concatenate([np.asarray(part.mesh.transformed(part.pose(0.0)).vertices) for part in scene.parts])
         d_max = dr.opaque(mi.Float, FARTHEST * float(np.linalg.norm(np.ptp(corners, axis=0))))
         return State(vertexwise.scenery(scene), mirrors, [], None, d_max)
 
     def update(self, state: State, frame: Frame) -> State:
-        return State(vertexwise.posed(state.scenery, frame), state.mirrors, state.ends, state.view, state.d_max)
+        return replace(state, scenery=vertexwise.posed(state.scenery, frame))
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         options = Options(secant.Options(self.residual, self.stop, self.start), self.newton, self.hidden, self.depth)
@@ -157,6 +183,12 @@ class SecantTriangle(Method):
         def solve(i: int, part: mi.UInt32) -> vertexwise.Solved:
             mirror, picture, back = state.mirrors[i], None, None
             pose = placement.pose_of(frame.poses, part)
+            if mirror.seeds is not None:
+                made, backtracks = _solve_several(
+                    seen.world, shown_parts, mirror, pose, part, frame.view, tau, max_iter, self.multi, options
+                )
+                more = {"backtracks": backtracks}
+                return branches.solved(made, mirror.mesh, mirror.seeds, pose, frame, i, part, self.hidden, more)
             if self.hidden == "emdt_mirror":
                 window = search.window(frame.view, frame.boxes[i], WIDENING)
                 picture = (search.render(frame.proxies[i], frame.poses, part, window.view), window.view)
@@ -173,8 +205,9 @@ class SecantTriangle(Method):
             return vertexwise.Solved(images, end, report, drawing, hider, back, {"backtracks": backtracks})
 
         shown = vertexwise.shown(seen, frame, solve)
-        reflection = Reflection(shown.L, shown.distance, shown.found, Vertices(**shown.report), shown.counters)
-        return reflection, State(seen, state.mirrors, shown.ends, frame.view, state.d_max)
+        vertices = Vertices(**shown.report, further=[Vertices(**report) for report in shown.further])
+        reflection = Reflection(shown.L, shown.distance, shown.found, vertices, shown.counters)
+        return reflection, replace(state, ends=shown.ends, view=frame.view)
 
 
 def _star(reflector: Reflector, resolution: int, make: Callable = starmap.build):
@@ -257,3 +290,30 @@ def _solve(
     end = Ends(dr.empty(mi.Float, 3 * count), mi.Bool(reflected))
     dr.scatter(end.u, u, lane)
     return images, end, report, s.backtracks
+
+
+@frozen
+def _solve_several(
+    world, shown_parts, mirror: Mirror, pose: list, part, view: View, tau, max_iter, multi: int, options: Options
+):  # fmt: skip
+    """Virtual vertices, triangles and reports of several reflections per vertex, and how often a sample came back."""
+    star, mesh, count = mirror.star, mirror.mesh, world.vertex_count
+    starts = several.begin(mirror.seeds, mesh, pose, view, world.points, part, shown_parts, count, multi)
+    where, active = starts.where, starts.active
+    u = placement.unit(starts.P - star.centre)
+    s = secant.solve(options.search, star, where, u, mi.Bool(True), active, tau, max_iter)
+    ends = several.Ends(s.R, s.n, s.converged, s.converged, s.residual, s.iterations, None)
+    if options.newton != "off":
+        # On from the triangle's last sample; from its start where it was lost.
+        goes_on = active & (mi.Bool(options.newton == "always") | ~s.converged | starts.touches)
+        first, met = newton.located(mesh, star.centre, s.u, goes_on & s.converged & ~starts.touches)
+        first = newton.Where(dr.select(met, first.triangle, starts.on.triangle), dr.select(met, first.b, starts.on.b))
+        walked = newton.walk(mesh, where, first, goes_on, max_iter, starts.touches)
+        converged = dr.select(goes_on, walked.converged, s.converged)
+        ends = several.Ends(
+            dr.select(goes_on, walked.R, s.R), dr.select(goes_on, walked.n, s.n), converged, converged,
+            dr.select(goes_on, walked.residual, s.residual), s.iterations + walked.iterations, None,
+        )  # fmt: skip
+    found = several.finish(ends, starts, mesh, pose, view, count, multi)
+    made = branches.arranged(found, mesh, pose, world, part, shown_parts, view, multi)
+    return made, several.per_vertex(s.backtracks, count, multi)

@@ -38,7 +38,8 @@ def test_imports_stay_within_the_layers(path):
     if room[0] == "methods":
         assert within(names, "benchharness.api", "benchharness.scene", "benchharness.kernels")
     elif room[0] == "scenes":
-        assert within(names, "benchharness.scene", "scenes", *(["benchharness.regime"] if room[1] == "stress" else []))
+        stress = ["benchharness.regime", "benchharness.completeness"] if room[1] == "stress" else []
+        assert within(names, "benchharness.scene", "scenes", *stress)
     elif room[1] == "kernels":
         assert within(names, "benchharness.kernels")
     else:

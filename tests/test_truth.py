@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from small_room import quad, sphere
-from truth_shapes import alhazen, unit
+from truth_shapes import alhazen, alhazen_inside, unit
 
 from benchharness import truth
-from benchharness.scene import Camera, Mesh, Object, Reflector, Scene, subdivided
+from benchharness.scene import Camera, Mesh, Object, Reflector, Scene, merged, subdivided
 
 EYE = np.array([0.0, -4.0, 0.0])
 
@@ -148,3 +148,65 @@ def test_each_of_several_points_goes_on_as_itself():
         after = truth.continued(made, 1.0, 0, np.array([0]), before)
         # The eye moved by 0.02 and takes the point along by one or two times that; the other point is 1.9 away.
         assert 0 < np.linalg.norm(after - before) < 0.1
+
+
+# All of several.
+
+
+def inside_out(mesh):
+    return Mesh(mesh.vertices, mesh.faces[:, ::-1], -mesh.normals)
+
+
+def same_points(one, other, tolerance):
+    apart = np.linalg.norm(one[:, None] - other, axis=2)
+    return one.shape == other.shape and (apart.min(axis=0) < tolerance).all() and (apart.min(axis=1) < tolerance).all()
+
+
+def test_inside_a_sphere_they_are_the_two_or_four_roots_of_the_quartic(ball):
+    eye, V = np.array([0.1, 0.05, -0.6]), np.random.default_rng(0).uniform(-0.55, 0.55, (16, 3))
+    mesh = inside_out(ball)
+    points, shown = truth.every_reflection_point(mesh.vertices, mesh.normals, mesh.faces, eye, V)
+    roots = [alhazen_inside(eye, v) for v in V]
+    assert {len(r) for r in roots} == {2, 4}
+    # A chord of 2π/256 sags by 7.5e-5; near a caustic, points move by some times that.
+    assert all(same_points(p, r, 2e-3) for p, r in zip(points, roots, strict=True))
+    assert all(s.all() for s in shown)
+
+
+def test_from_one_focus_of_an_ellipsoid_to_anywhere_they_are_where_the_line_to_the_other_focus_leaves_it():
+    """T5. Half axes 1, 0.8, 0.8: foci at x = ±0.6."""
+    axes, other = np.array([1.0, 0.8, 0.8]), np.array([0.6, 0.0, 0.0])
+    ball = sphere(1.0, slices=256, stacks=128)
+    n = unit(ball.vertices / axes)
+    mesh = inside_out(Mesh(ball.vertices * axes, ball.faces, n))
+    V = np.array([[0.1, 0.2, 0.3], [-0.3, -0.1, 0.4], [0.2, -0.5, 0.1]])
+    points, _ = truth.every_reflection_point(mesh.vertices, mesh.normals, mesh.faces, -other, V)
+    for v, found in zip(V, points, strict=True):
+        d = unit(v - other)
+        a, b, c = (d / axes) @ (d / axes), (other / axes) @ (d / axes), (other / axes) @ (other / axes) - 1
+        t = (-b + np.array([1, -1]) * np.sqrt(b * b - a * c)) / a
+        assert same_points(found, other + t[:, None] * d, 2e-3)
+
+
+def test_a_point_that_the_mirror_hides_from_eye_or_vertex_is_not_shown():
+    """The plane y = 0, and before it a shutter of the same mesh that turns its back to the eye: on the way there, on the way to
+    the vertex, or beside."""
+    V = np.array([[1.0, -2.0, 0.0]])
+    R = np.array([2 / 3, 0.0, 0.0])  # the eye is twice as far from the plane
+    for at, shows in ((None, True), ((R + EYE) / 2, False), ((R + V[0]) / 2, False), (np.array([-1.0, -1.0, 0.0]), True)):
+        mesh = plane(0.7)
+        if at is not None:
+            mesh = merged(mesh, quad(at - [0.1, 0, 0.1], (0, 0, 0.2), (0.2, 0, 0)))
+        points, shown = truth.every_reflection_point(mesh.vertices, mesh.normals, mesh.faces, EYE, V)
+        np.testing.assert_allclose(points[0], [R], atol=1e-9)
+        assert shown[0].tolist() == [shows]
+
+
+def test_a_sheet_may_be_a_mirror_on_its_back_too(ball):
+    """Alhazen's points of the inside, of a ball whose normals point outward."""
+    eye, V = np.array([0.1, 0.05, -0.6]), np.array([[0.2, -0.1, 0.3]])
+    outward = [
+        truth.every_reflection_point(ball.vertices, ball.normals, ball.faces, eye, V, both)[0][0] for both in (False, True)
+    ]
+    assert len(outward[0]) == 0
+    assert same_points(outward[1], alhazen_inside(eye, V[0]), 2e-3)

@@ -75,3 +75,17 @@ def alhazen(eye, V):
         towards_V = (e * tangent).sum() < 0
         a, b = (m, b) if towards_V else (a, m)
     return unit(a + b)
+
+
+def alhazen_inside(eye, V):
+    """All reflection points [K, 3] on the inside of the unit sphere at the origin: the roots of Alhazen's quartic.
+
+    In the plane of the centre, the eye A and the vertex B, as complex numbers: A* B* z⁴ - (A* + B*) z³ + (A + B) z - A B = 0.
+    """
+    x = unit(eye)
+    y = unit(V - (V @ x) * x)
+    a, b = complex(eye @ x, eye @ y), complex(V @ x, V @ y)
+    c, d = a.conjugate(), b.conjugate()
+    z = np.roots([c * d, -(c + d), 0, a + b, -a * b])
+    z = z[abs(abs(z) - 1) < 1e-6]
+    return z.real[:, None] * x + z.imag[:, None] * y

@@ -117,7 +117,7 @@ def mesh(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, backs: bo
     tags = np.where(geometry.closed_faces(vertices, faces) | (not backs), raster.CLOSED, 0)
     quads = np.hstack([faces, tags[:, None]]).astype(np.uint32)
     size = mi.Float(float(np.linalg.norm(np.ptp(vertices, axis=0))))
-    chosen = _spread(vertices, faces)
+    chosen = spread(vertices, faces, CANDIDATES)
     middle_n = normals[faces[chosen]].sum(axis=1)
     middle_n /= np.maximum(np.linalg.norm(middle_n, axis=1, keepdims=True), 1e-30)
     both = (tags[chosen] == 0)[:, None]
@@ -130,8 +130,8 @@ def mesh(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, backs: bo
     )  # fmt: skip
 
 
-def _spread(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """CANDIDATES triangles whose middles lie far from each other: each the farthest from those before it.
+def spread(vertices: np.ndarray, faces: np.ndarray, count: int) -> np.ndarray:
+    """`count` triangles, or all, whose middles lie far from each other: each the farthest from those before it.
 
     Symmetric meshes have many that are as far. Of these it is the one farthest along SKEW, and not the first, nor the one that
     rounding favours: the choice stays when triangles are numbered otherwise, or vertices move by their rounding.
@@ -139,7 +139,7 @@ def _spread(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     middles = vertices[faces].mean(axis=1)
     along = middles @ SKEW
     chosen, distance = [], np.full(len(faces), np.inf)
-    for _ in range(min(CANDIDATES, len(faces))):
+    for _ in range(min(count, len(faces))):
         as_far = distance >= (1 - TIED) * distance.max()
         chosen.append(int(np.where(as_far, along, -np.inf).argmax()))
         distance = np.minimum(distance, np.linalg.norm(middles - middles[chosen[-1]], axis=1))
@@ -168,8 +168,25 @@ def _corners(mirror: Mesh, triangle: mi.UInt32, eye: mi.Point3f, active) -> tupl
     return p, [dr.select(away, -v, v) for v in n]
 
 
-def look(mirror: Mesh, where: Place, on: Where, active) -> Point:
-    """Everything that a step needs, at a point of the mesh."""
+@dataclass
+class _Change:
+    """h - N at a point of the mesh and how it changes along the edges e1 and e2 of its triangle: (a b; c d) has the parts along
+    e1 and e2, in rows, of what changes along either, in columns."""
+
+    P: mi.Point3f
+    N: mi.Vector3f
+    w_E: mi.Vector3f
+    w_V: mi.Vector3f
+    f: mi.Vector3f
+    e1: mi.Vector3f
+    e2: mi.Vector3f
+    a: mi.Float
+    b: mi.Float
+    c: mi.Float
+    d: mi.Float
+
+
+def _change(mirror: Mesh, where: Place, on: Where, active) -> _Change:
     p, n = _corners(mirror, on.triangle, where.eye, active)
     e1, e2, n1, n2 = p[1] - p[0], p[2] - p[0], n[1] - n[0], n[2] - n[0]
     P = p[0] + on.b.x * e1 + on.b.y * e2
@@ -190,21 +207,48 @@ def look(mirror: Mesh, where: Place, on: Where, active) -> Point:
         turn = dn * per_raw
         return per_s * (ds - dr.dot(ds, h) * h) - (turn - dr.dot(turn, N) * N)
 
-    # Two equations: what changes along either edge.
     d1, d2 = rate(e1, n1), rate(e2, n2)
     a, b, c, d = dr.dot(e1, d1), dr.dot(e1, d2), dr.dot(e2, d1), dr.dot(e2, d2)
-    y1, y2 = -dr.dot(e1, f), -dr.dot(e2, f)
-    det = a * d - b * c
-    usable = dr.abs(det) > 1e-9 * (dr.abs(a * d) + dr.abs(b * c))
+    return _Change(P, N, w_E, w_V, f, e1, e2, a, b, c, d)
+
+
+def look(mirror: Mesh, where: Place, on: Where, active) -> Point:
+    """Everything that a step needs, at a point of the mesh."""
+    m = _change(mirror, where, on, active)
+
+    # Two equations: what changes along either edge.
+    y1, y2 = -dr.dot(m.e1, m.f), -dr.dot(m.e2, m.f)
+    det = m.a * m.d - m.b * m.c
+    usable = dr.abs(det) > 1e-9 * (dr.abs(m.a * m.d) + dr.abs(m.b * m.c))
     per_det = dr.select(usable, dr.rcp(dr.select(usable, det, 1)), 0)
-    step_b = mi.Vector2f(y1 * d - y2 * b, y2 * a - y1 * c) * per_det
-    step = step_b.x * e1 + step_b.y * e2
+    step_b = mi.Vector2f(y1 * m.d - y2 * m.b, y2 * m.a - y1 * m.c) * per_det
+    step = step_b.x * m.e1 + step_b.y * m.e2
     length = dr.norm(step)
     cut = dr.minimum(1, LONGEST * mirror.size * dr.rcp(dr.maximum(length, 1e-20)))
-    (x0, y0), (x1, y1) = where.pixel(P), where.pixel(P + step)
+    (x0, y0), (x1, y1) = where.pixel(m.P), where.pixel(m.P + step)
     pixels = dr.select(usable, dr.norm(mi.Vector2f(x1 - x0, y1 - y0)), dr.inf)
-    front = (dr.dot(N, w_E) > 0) & (dr.dot(N, w_V) > 0)
-    return Point(mi.Point3f(P), mi.Normal3f(N), dr.norm(f), step_b * cut, mi.Vector3f(step * cut), pixels, front)
+    front = (dr.dot(m.N, m.w_E) > 0) & (dr.dot(m.N, m.w_V) > 0)
+    return Point(mi.Point3f(m.P), mi.Normal3f(m.N), dr.norm(m.f), step_b * cut, mi.Vector3f(step * cut), pixels, front)
+
+
+MINIMUM, SADDLE, MAXIMUM = 1, 2, 3
+
+
+def kind(mirror: Mesh, where: Place, on: Where, active) -> mi.UInt32:
+    """What the light's path by way of a reflection point is, of those by way of its neighbours: the shortest (MINIMUM), the
+    longest (MAXIMUM), or either, depending on the direction (SADDLE).
+
+    There, h - N changes as the gradient of the path's length does, with the opposite sign and times 1 / |w_E + w_V|.
+    """
+    m = _change(mirror, where, on, active)
+    return dr.select(m.a * m.d < m.b * m.c, mi.UInt32(SADDLE), dr.select(m.a < 0, mi.UInt32(MINIMUM), mi.UInt32(MAXIMUM)))
+
+
+def position(mirror: Mesh, on: Where, active) -> mi.Point3f:
+    """The point of the mesh; mirror's space."""
+    face = dr.gather(mi.Vector4u, mirror.faces, on.triangle, active)
+    p = [dr.gather(mi.Vector4f, mirror.vertices, 2 * i, active).xyz for i in (face.x, face.y, face.z)]
+    return mi.Point3f(p[0] + on.b.x * (p[1] - p[0]) + on.b.y * (p[2] - p[0]))
 
 
 def _inside(b: mi.Point2f) -> mi.Bool:

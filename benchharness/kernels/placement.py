@@ -55,6 +55,10 @@ def normal_to_world(pose: list[mi.Vector4f], n: mi.Normal3f) -> mi.Normal3f:
     return mi.Normal3f(*(dr.dot(row.xyz, n) for row in pose))
 
 
+def normal_to_mirror(pose: list[mi.Vector4f], n: mi.Normal3f) -> mi.Normal3f:
+    return mi.Normal3f(*(dr.dot(mi.Vector3f(pose[0][k], pose[1][k], pose[2][k]), mi.Vector3f(n)) for k in range(3)))
+
+
 def unit(v: mi.Vector3f) -> mi.Vector3f:
     """v normalised; (0, 0, 0) stays."""
     return v * dr.rcp(dr.maximum(dr.norm(v), 1e-20))

@@ -47,6 +47,12 @@ class Solved:
     report    the fields of `benchharness.api.Vertices`
     drawing   how to draw them; `hider` and `back` as `kernels.virtual.draw` takes them
     counters  further work, integers per vertex
+
+    With several reflections per vertex (`kernels.branches`):
+
+    further    the same fields as `report`, of the second reflection and so on
+    triangles  what the images are of, None for the scene itself
+    own        what is asked where the mirror meets itself, None for what does not ask
     """
 
     images: virtual.Images
@@ -56,6 +62,9 @@ class Solved:
     hider: Any = None
     back: mi.Float | None = None
     counters: dict[str, mi.UInt32] = field(default_factory=dict)
+    further: list[dict[str, Any]] = field(default_factory=list)
+    triangles: geometry.Geometry | None = None
+    own: Any = None
 
 
 def scenery(scene) -> Scenery:
@@ -72,8 +81,8 @@ def posed(seen: Scenery, frame) -> Scenery:
 
 @dataclass
 class Shown:
-    """The fields of `benchharness.api.Reflection`, those of its `vertices` as `report`, and per mirror what the next frame
-    starts from."""
+    """The fields of `benchharness.api.Reflection`, those of its `vertices` as `report` and `further`, and per mirror what the
+    next frame starts from."""
 
     L: mi.Color3f
     distance: mi.Float
@@ -81,6 +90,7 @@ class Shown:
     report: dict[str, Any]
     counters: dict[str, mi.UInt32]
     ends: list
+    further: list[dict[str, Any]]
 
 
 def shown(seen: Scenery, frame, solve: Callable[[int, mi.UInt32], Solved]) -> Shown:
@@ -93,21 +103,47 @@ def shown(seen: Scenery, frame, solve: Callable[[int, mi.UInt32], Solved]) -> Sh
         window = search.window(frame.view, frame.boxes[i], 1.0)
         pixel, p, reflector, back = _within(window, frame.view.width, frame.p, frame.reflector, one.back)
         own, length, covered = virtual.draw(
-            one.images, seen.world, part, window.view, p, reflector, dr.opaque(mi.Int32, i), one.drawing, one.hider, back
-        )
+            one.images, one.triangles or seen.world, part, window.view, p, reflector, dr.opaque(mi.Int32, i), one.drawing,
+            one.hider, back,
+        )  # fmt: skip
         for target, value in zip(numbers, (own.x, own.y, own.z, length), strict=True):
             dr.scatter(target, value, pixel, covered)
         dr.scatter(found, covered, pixel, covered)
         solved.append(one)
     L, distance = mi.Color3f(*numbers[:3]), numbers[3]
+    for i, one in enumerate(solved):
+        if one.own is not None:
+            met, t = one.own.meets(frame, distance, found, frame.reflector == i)
+            L, distance, found = dr.select(met, 0, L), dr.select(met, t, distance), found | met
     if seen.surroundings is not None:
         # What no triangle covers is the surroundings if the scene has any, else unanswered.
         sky = frame.active & ~found
         far = _reflected(seen.surroundings, frame.v, frame.n, sky)
         L, distance, found = dr.select(sky, far, L), dr.select(sky, dr.inf, distance), mi.Bool(frame.active)
     report = {name: _joined([one.report[name] for one in solved]) for name in solved[0].report}
-    counters = {name: _joined([one.counters[name] for one in solved]) for name in solved[0].counters}
-    return Shown(L, distance, found, report, {"iterations": report["iterations"], **counters}, [one.end for one in solved])
+    most = max(len(one.further) for one in solved)
+    further = [{name: _joined([_place(one, k)[name] for one in solved]) for name in report} for k in range(most)]
+    names = dict.fromkeys(name for one in solved for name in one.counters)
+    counters = {name: _joined([_counted(one, name) for one in solved]) for name in names}
+    ends = [one.end for one in solved]
+    return Shown(L, distance, found, report, {"iterations": report["iterations"], **counters}, ends, further)
+
+
+def _place(one: Solved, k: int) -> dict[str, Any]:
+    """The fields of a mirror's further reflection number k; zeros where it has none."""
+    if k < len(one.further):
+        return one.further[k]
+    return {name: dr.zeros(type(array), dr.width(array)) for name, array in one.report.items()}
+
+
+def _counted(one: Solved, name: str) -> mi.UInt32:
+    """A counter of a mirror. Where another mirror may have several reflections per vertex and this one has one at most, its own
+    is counted here."""
+    if name in one.counters:
+        return one.counters[name]
+    if name == "reflections":
+        return dr.select(one.report["valid"], mi.UInt32(1), 0)
+    return one.report["iterations"] if name == "iterations" else dr.zeros(mi.UInt32, dr.width(one.report["iterations"]))
 
 
 def _reflected(around: surroundings.Surroundings, v: mi.Vector3f, n: mi.Normal3f, sky: mi.Bool) -> mi.Color3f:

@@ -1,0 +1,51 @@
+"""How many of the reflections that an eye can see a method has found: of vertices that have several, and of those with one.
+
+Truth is `truth.every_reflection_point`, on the mirror as it is seen. Whether another object hides what a reflection point
+shows is not asked.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchharness import inside, truth
+from benchharness.regime import Seen
+
+SAMPLE = 40  # vertices per mirror; one costs two passes over the mirror's triangles
+FOUND_PX = 2.0  # further off than this is another point
+REFLECTED = 1  # benchharness.api.Vertices.region
+
+
+def counted(seen: Seen) -> tuple[int, int] | None:
+    """(found, all) reflections within the picture of a sample of the objects' vertices; None for methods without vertices."""
+    if seen.vertices is None:
+        return None
+    scene, time = seen.scene, seen.time
+    camera, (height, width) = scene.camera(time), seen.mask.shape
+    V = np.concatenate([part.mesh.transformed(part.pose(time)).vertices for part in scene.parts])
+    objects = sum(len(part.mesh.vertices) for part in scene.objects)
+    chosen = np.unique(np.linspace(0, objects - 1, SAMPLE).astype(int))
+    slots = [seen.vertices, *seen.vertices["further"]]
+    found = total = 0
+    for number, reflector in enumerate(scene.reflectors):
+        mesh = reflector.mesh.transformed(reflector.pose(time))
+        both = reflector.closed is None and not inside.is_closed(mesh)
+        points, shown = truth.every_reflection_point(
+            mesh.vertices, mesh.normals, mesh.faces, np.asarray(camera.eye), V[chosen], both
+        )
+        lanes = number * len(V) + chosen
+        R = np.stack([slot["R"][lanes] for slot in slots], axis=1).astype(np.float64)
+        filled = np.stack([slot["region"][lanes] == REFLECTED for slot in slots], axis=1)
+        pixels = np.where(filled[..., None], truth.on_screen(R, camera, width, height), np.inf)
+        for true, is_shown, own in zip(points, shown, pixels, strict=True):
+            at = truth.on_screen(true[is_shown], camera, width, height)
+            at = at[((at >= 0) & (at < [width, height])).all(axis=1)]
+            total += len(at)
+            found += sum(bool((np.linalg.norm(own - one, axis=1) < FOUND_PX).any()) for one in at)
+    return found, total
+
+
+def missing(seen: Seen) -> float | None:
+    """Share of the reflections that the eye can see and the method has not found; None where there is nothing to count."""
+    both = counted(seen)
+    return None if both is None or both[1] == 0 else 1.0 - both[0] / both[1]
