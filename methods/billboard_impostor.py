@@ -59,6 +59,8 @@ class BillboardImpostor(Method):
         return imagewise.updated(state, frame.poses, options)
 
     def shade(self, state: imagewise.State, frame: Frame) -> tuple[Reflection, imagewise.State]:
-        manner = bounces.Manner(self.others == "reflective", self.mip)
+        manner = bounces.Manner(self.others == "reflective")
         shown = imagewise.shown(state, frame, manner, self.attenuation)
-        return Reflection(shown.L, shown.distance, mi.Bool(frame.active), counters=shown.counters), shown.state
+        return Reflection(
+            shown.L, shown.distance, mi.Bool(frame.active), counters=shown.counters, doubt=shown.doubt
+        ), shown.state

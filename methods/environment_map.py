@@ -96,7 +96,7 @@ class EnvironmentMap(Method):
 
 
 def _capture(triangles: geometry.Geometry, poses, part, centre, near, around, resolution: int) -> tuple[mi.Float, mi.Point3f]:
-    """The finest level of one reflector's map: everything but part number `part`, around `centre` of that part. And the centre."""
+    """The finest level of one reflector's map: everything but part number `part`, around `centre` of it; the centre's place."""
     q = mi.Vector4f(centre.x, centre.y, centre.z, 1)
     world = mi.Point3f(*(dr.dot(dr.gather(mi.Vector4f, poses, part * 3 + k), q) for k in range(3)))
     owner = geometry.part_of(dr.gather(mi.Vector4u, triangles.faces, dr.arange(mi.UInt32, triangles.face_count)))

@@ -42,12 +42,10 @@ class Manner:
     """How rays look.
 
     second  mirrors reflect in mirrors; else they are black
-    spread  follow how rays part, for the mip levels
     jump, anchor  see `relief.nearest`
     """
 
     second: bool
-    spread: bool
     jump: float = 0.0
     anchor: str = "mid"
 
@@ -60,6 +58,7 @@ class Answer:
     second    the ray was reflected again
     tests     rays against quads
     work      segments of simplified rows, or texels of depth maps, looked at
+    doubt     what is shown may be wrong
     """
 
     L: mi.Color3f
@@ -67,6 +66,7 @@ class Answer:
     second: mi.Bool
     tests: mi.UInt32
     work: mi.UInt32
+    doubt: mi.Bool
 
 
 @frozen
@@ -79,20 +79,27 @@ def reflected(cast: Cast, view, frame: list, pixel: mi.UInt32, manner: Manner) -
     d = optics.reflect(dr.normalize(view.eye - p), n)
     o = _above(p, mi.Vector3f(n))
     number = mi.UInt32(dr.maximum(mirror, 0))
-    apart = _spread(frame, view, pixel, p, n, d, mirror) if manner.spread else _no_spread()
+    apart = _spread(frame, view, pixel, p, n, d, mirror)
     met, work = _nearest(cast, manner, False, number, o, d, apart, mi.Bool(True))
 
     L, distance, far = _shown(cast, number, o, d, met, mi.Bool(True))
 
     other = dr.gather(mi.Float, cast.boards.quads, met.slot * 16 + 3, ~far)
     again = ~far & (other >= 0)
-    tests = met.tests
+    tests, doubt = met.tests, _doubted(met, distance, far)
     if manner.second:
-        L2, more, further = _again(cast, manner, met, o, d, mi.UInt32(dr.maximum(other, 0)), apart, again)
+        L2, more, further, beyond = _again(cast, manner, met, o, d, mi.UInt32(dr.maximum(other, 0)), apart, again)
         L, tests, work = dr.select(again, L2, L), tests + more, work + further
+        doubt |= again & beyond
     else:
         L = dr.select(again, 0, L)
-    return Answer(L, distance, again, tests, work)
+        doubt |= again
+    return Answer(L, distance, again, tests, work, doubt)
+
+
+def _doubted(met: billboard.Hit, distance: mi.Float, far: mi.Bool) -> mi.Bool:
+    """Whether what `met` says about a ray that ends after `distance`, behind all impostors where `far`, may be wrong."""
+    return (met.doubt & ~far) | (met.missed < distance)
 
 
 @dr.syntax
@@ -113,7 +120,8 @@ def _nearest(cast: Cast, manner: Manner, objects: bool, mirror, o, d, apart, act
     for boards, pictures in ((cast.planes, cast.plane_pictures), (cast.boards, cast.pictures)):
         columns = boards.objects if objects else boards.columns
         if columns > 0:
-            met = billboard.nearest(boards, pictures, columns, mirror, o, d, mi.Float(0), apart, active, met)
+            deep = boards is cast.boards
+            met = billboard.nearest(boards, pictures, columns, mirror, o, d, mi.Float(0), apart, active, met, deep)
     reliefs = cast.reliefs
     if reliefs is None:
         return met, mi.UInt32(0)
@@ -132,8 +140,8 @@ def _nearest(cast: Cast, manner: Manner, objects: bool, mirror, o, d, apart, act
 
 @dr.syntax
 def _again(cast: Cast, manner: Manner, met: billboard.Hit, o, d, mirror: mi.UInt32, apart, active):
-    """What a mirror in a picture sends back along a ray that met it; quads tested, and work in depth maps."""
-    L, tests, work = mi.Color3f(0), mi.UInt32(0), mi.UInt32(0)
+    """What a mirror in a picture sends back along a ray that met it; quads tested, work in depth maps, and doubt."""
+    L, tests, work, doubt = mi.Color3f(0), mi.UInt32(0), mi.UInt32(0), mi.Bool(False)
     if active:  # few rays
         a, b, k = (dr.normalize(dr.gather(mi.Vector4f, cast.boards.quads, met.slot * 4 + i).xyz) for i in (1, 2, 3))
         n = met.value.x * a + met.value.y * b + met.value.z * k
@@ -142,18 +150,28 @@ def _again(cast: Cast, manner: Manner, met: billboard.Hit, o, d, mirror: mi.UInt
         out = optics.reflect(-d, mi.Normal3f(n))
         start = _above(o + met.t * d, n)
         found, work = _nearest(cast, manner, True, mirror, start, out, apart, mi.Bool(True))
-        L, _, _ = _shown(cast, mirror, start, out, found, mi.Bool(True))
+        L, distance, far = _shown(cast, mirror, start, out, found, mi.Bool(True))
+        doubt = _doubted(found, distance, far) | (_third(cast, mirror, start, out) < distance)
         L *= optics.reflectance(cast.metals, mirror, dr.clip(-dr.dot(n, d), 0, 1), mi.Bool(True))
         tests = found.tests
-    return L, tests, work
+    return L, tests, work, doubt
+
+
+def _third(cast: Cast, mirror: mi.UInt32, o, d) -> mi.Float:
+    """From where on a ray from a mirror may meet another one; inf for nowhere."""
+    t = mi.Float(dr.inf)
+    for boards in (cast.planes, cast.boards):
+        if boards.columns > boards.objects:
+            t = dr.minimum(t, billboard.passed(boards, None, mirror, o, d, mi.Bool(True)))
+    reliefs = cast.reliefs
+    if reliefs is not None and reliefs.columns > reliefs.objects:
+        boards = billboard.Billboards(cast.boards.quads, reliefs.lists, reliefs.columns, reliefs.objects)
+        t = dr.minimum(t, billboard.passed(boards, reliefs.slots, mirror, o, d, mi.Bool(True)))
+    return t
 
 
 def _above(p: mi.Point3f, n: mi.Vector3f) -> mi.Point3f:
     return p + n * (RAY_EPSILON * (1 + dr.max(dr.abs(p))))
-
-
-def _no_spread() -> billboard.Spread:
-    return billboard.Spread([mi.Vector3f(0), mi.Vector3f(0)], [mi.Vector3f(0), mi.Vector3f(0)])
 
 
 def _spread(frame: list, view, pixel: mi.UInt32, p, n, d, mirror) -> billboard.Spread:

@@ -223,8 +223,10 @@ def cast(on: Stage, taken: Taken, poses: mi.Float, options: Options, before: bou
     for number, slot in enumerate(planned.slots):
         stand = taken.stands[number].moved(host[slot.part])
         quads[number, 0] = [*stand.centre, slot.part - planned.objects if slot.part >= planned.objects else -1]
-        quads[number, 1, :3], quads[number, 2, :3] = stand.a / stand.half[0], stand.b / stand.half[1]
-        quads[number, 3, :3] = stand.k
+        deep = planned.shapes[slot.part].plane is None
+        quads[number, 1] = [*(stand.a / stand.half[0]), deep * (stand.distance - stand.near)]
+        quads[number, 2] = [*(stand.b / stand.half[1]), deep * (stand.far - stand.distance)]
+        quads[number, 3] = [*stand.k, deep * planned.shapes[slot.part].radius]
     flat, table = planned.plane_slots, mi.Float(quads.ravel())
     plane_texels = _together(taken, range(flat), None if before is None else before.plane_pictures)
     texels = _together(taken, range(flat, len(planned.slots)), None if before is None else before.pictures)
@@ -329,6 +331,7 @@ class Shown:
     distance: mi.Float
     counters: dict[str, mi.UInt32]
     state: State
+    doubt: mi.Bool
 
 
 def shown(state: State, frame, manner: bounces.Manner, attenuation: float) -> Shown:
@@ -346,9 +349,9 @@ def shown(state: State, frame, manner: bounces.Manner, attenuation: float) -> Sh
     counters = {"pictures_taken": renewed, "spans_dropped": dr.concat(spans) if spans else mi.UInt32(0)}
     if dr.width(frame.pixels) == 0:  # no mirror in view
         empty = dr.zeros(mi.Float, dr.width(frame.active))
-        return Shown(mi.Color3f(empty), empty, counters, after)
+        return Shown(mi.Color3f(empty), empty, counters, after, mi.Bool(False))
     answer = bounces.reflected(state.cast, frame.view, [frame.p, frame.n, frame.reflector], frame.pixels, manner)
     L = answer.L * dr.exp(-attenuation * answer.distance) if attenuation > 0 else answer.L
-    x, y, z, distance = pixels.spread([L.x, L.y, L.z, answer.distance], frame)
+    x, y, z, distance, doubt = pixels.spread([L.x, L.y, L.z, answer.distance, answer.doubt], frame)
     counters |= {"quad_tests": answer.tests, "depth_steps": answer.work, "second_order": mi.UInt32(answer.second)}
-    return Shown(mi.Color3f(x, y, z), distance, counters, after)
+    return Shown(mi.Color3f(x, y, z), distance, counters, after, doubt)
