@@ -132,9 +132,9 @@ def _nearest(cast: Cast, manner: Manner, objects: bool, mirror, o, d, apart, act
     level = billboard.level_of(cast.pictures, a, apart.at(dr.select(closer, deep.t, 0)))
     value = billboard.sample(cast.pictures, deep.slot, deep.x, deep.y, level, closer)
     value *= dr.rcp(dr.maximum(value.w, LEAST_COVERAGE))
-    hit = billboard.Hit(
-        dr.select(closer, deep.t, met.t), dr.select(closer, deep.slot, met.slot), dr.select(closer, value, met.value), met.tests
-    )
+    t, slot = dr.select(closer, deep.t, met.t), dr.select(closer, deep.slot, met.slot)
+    doubt, missed = dr.select(closer, deep.doubt, met.doubt), dr.minimum(met.missed, deep.missed)
+    hit = billboard.Hit(t, slot, dr.select(closer, value, met.value), met.tests, doubt, missed)
     return hit, deep.work
 
 

@@ -83,7 +83,8 @@ class Taken:
     texels      with mip levels if wanted
     depths      depth maps, of slots that need one
     rows        simplified, of those
-    dropped     spans that had no room in their rows, of those
+    dropped     spans that had no room in each of their rows, of those
+    spans       all of them together
     poses       per mirror, of the parts that its environment map depends on
     maps        environment maps, per mirror or, with walls, one; none where all surroundings are at infinity
     renewed     which slots the last update has taken
@@ -95,6 +96,7 @@ class Taken:
     depths: list
     rows: list
     dropped: list
+    spans: list
     poses: list
     maps: list
     renewed: list[int]
@@ -111,7 +113,7 @@ def stage(scene, planned: Plan) -> Stage:
 def nothing(planned: Plan) -> Taken:
     """Before anything was taken."""
     slots, mirrors = len(planned.slots), len(planned.enclosing)
-    return Taken(*([None] * slots for _ in range(6)), [None] * mirrors, [None] * mirrors, [])
+    return Taken(*([None] * slots for _ in range(7)), [None] * mirrors, [None] * mirrors, [])
 
 
 def retaken(on: Stage, before: Taken, poses: mi.Float, options: Options) -> Taken:
@@ -138,7 +140,7 @@ def retaken(on: Stage, before: Taken, poses: mi.Float, options: Options) -> Take
             now.depths[number] = depth
             if options.points:
                 rows = _simplified(depth, size, options.rotations, options.points, options.jump)
-                now.rows[number], now.dropped[number] = rows
+                now.rows[number], now.dropped[number], now.spans[number] = rows
         now.renewed.append(number)
     _renew_maps(on, now, world, host, options)
     return now
@@ -183,10 +185,10 @@ def _take(on: Stage, world: geometry.Geometry, slot: Slot, stand: impostor.Stand
 
 
 @frozen
-def _simplified(depth: mi.Float, size: int, rotations: int, points: int, jump: float) -> tuple[mi.Float, mi.UInt32]:
-    """The rows of one depth map, and how many spans of them were dropped."""
+def _simplified(depth: mi.Float, size: int, rotations: int, points: int, jump: float) -> tuple[mi.Float, mi.UInt32, mi.UInt32]:
+    """The rows of one depth map, how many spans were dropped of each, and of all."""
     rows, dropped = depthrows.build(depth, depthmap.Layout(1, size, rotations, points), jump)
-    return rows, dr.sum(dropped)
+    return rows, dropped, dr.sum(dropped)
 
 
 def _renew_maps(on: Stage, now: Taken, world: geometry.Geometry, poses: np.ndarray, options: Options) -> None:
@@ -264,13 +266,16 @@ def _reliefs(
         cameras += impostor.camera(taken.stands[number].moved(poses[slot.part]), options.size, start)
     if before is None or set(taken.renewed) & set(deep):
         depth = dr.concat([taken.depths[number] for number in deep])
-        rows = dr.concat([taken.rows[number] for number in deep]) if options.points else None
+        rows, dropped = (
+            dr.concat([of[number] for number in deep]) if options.points else None for of in (taken.rows, taken.dropped)
+        )
     else:
-        depth, rows = before.depth, before.rows
+        depth, rows, dropped = before.depth, before.rows, before.dropped
+    parts = mi.UInt32([planned.slots[number].part for number in deep])
     numbers = {number: k for k, number in enumerate(deep)}
     shown = [([numbers[i] for i in objects], [numbers[i] for i in mirrors]) for objects, mirrors in planned.maps]
     layout = depthmap.Layout(len(deep), options.size, max(options.rotations, 1), max(options.points, 2))
-    return relief.Reliefs(depth, rows, mi.Float(cameras), mi.UInt32(deep), *_lists(shown), layout)
+    return relief.Reliefs(depth, rows, dropped, mi.Float(cameras), mi.UInt32(deep), parts, *_lists(shown), layout)
 
 
 def _lists(shown: list[Listed]) -> tuple[mi.UInt32, int, int]:
@@ -345,7 +350,7 @@ def shown(state: State, frame, manner: bounces.Manner, attenuation: float) -> Sh
     taken = state.taken
     after = replace(state, taken=replace(taken, renewed=[]))
     renewed = dr.opaque(mi.UInt32, len(taken.renewed))
-    spans = [taken.dropped[number] for number in taken.renewed if taken.dropped[number] is not None]
+    spans = [taken.spans[number] for number in taken.renewed if taken.spans[number] is not None]
     counters = {"pictures_taken": renewed, "spans_dropped": dr.concat(spans) if spans else mi.UInt32(0)}
     if dr.width(frame.pixels) == 0:  # no mirror in view
         empty = dr.zeros(mi.Float, dr.width(frame.active))
