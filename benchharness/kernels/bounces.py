@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import backdrop, billboard, optics, relief
+from benchharness.kernels import backdrop, billboard, optics, relief, selfmet
 from benchharness.kernels.frozen import frozen
 
 LEAST_COVERAGE = 0.05  # a texel at an object's border is brightened by no more than its inverse
@@ -26,6 +26,8 @@ class Cast:
     planes    billboards of flat parts, and their pictures
     boards    billboards of other parts, which share the table of quads; pictures of those, and of the depth maps
     metals    as `optics.metals_of` has them
+    mirrors   12 floats per mirror: rows that take a point of the world to [-1, 1] across its box; None where mirrors are among
+              what their own rays meet
     """
 
     planes: billboard.Billboards
@@ -35,6 +37,7 @@ class Cast:
     reliefs: relief.Reliefs | None
     backdrop: backdrop.Backdrop
     metals: mi.Float
+    mirrors: mi.Float | None
 
 
 @dataclass
@@ -79,8 +82,11 @@ def reflected(cast: Cast, view, frame: list, pixel: mi.UInt32, manner: Manner) -
     d = optics.reflect(dr.normalize(view.eye - p), n)
     o = _above(p, mi.Vector3f(n))
     number = mi.UInt32(dr.maximum(mirror, 0))
-    apart = _spread(frame, view, pixel, p, n, d, mirror)
+    apart, bends = _spread(frame, view, pixel, p, n, d, mirror)
     met, work = _nearest(cast, manner, False, number, o, d, apart, mi.Bool(True))
+    if cast.mirrors is not None:
+        box = [dr.gather(mi.Vector4f, cast.mirrors, number * 3 + k) for k in range(3)]
+        met.missed = dr.minimum(met.missed, selfmet.away(p, n, d, apart.start, bends, box))
 
     L, distance, far = _shown(cast, number, o, d, met, mi.Bool(True))
 
@@ -174,12 +180,13 @@ def _above(p: mi.Point3f, n: mi.Vector3f) -> mi.Point3f:
     return p + n * (RAY_EPSILON * (1 + dr.max(dr.abs(p))))
 
 
-def _spread(frame: list, view, pixel: mi.UInt32, p, n, d, mirror) -> billboard.Spread:
-    """From the rays of the pixels to the right and below (to the left and above at the picture's end); 0 across borders."""
+def _spread(frame: list, view, pixel: mi.UInt32, p, n, d, mirror) -> tuple[billboard.Spread, list]:
+    """From the rays of the pixels to the right and below (to the left and above at the picture's end); 0 across borders.
+    And how the normal turns to those."""
     width, height = view.width, view.height
     row = pixel // width
     column = pixel - row * width
-    eye, starts, turns = view.eye, [], []
+    eye, starts, turns, bends = view.eye, [], [], []
     for there in (
         dr.select(column == width - 1, pixel - 1, pixel + 1),
         dr.select(row == height - 1, pixel - width, pixel + width),
@@ -189,4 +196,5 @@ def _spread(frame: list, view, pixel: mi.UInt32, p, n, d, mirror) -> billboard.S
         turned = optics.reflect(dr.normalize(eye - q), m) - d
         starts.append(dr.select(same, mi.Vector3f(q - p), 0))
         turns.append(dr.select(same, turned, 0))
-    return billboard.Spread(starts, turns)
+        bends.append(dr.select(same, mi.Vector3f(m - n), 0))
+    return billboard.Spread(starts, turns), bends

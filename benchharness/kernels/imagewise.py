@@ -240,6 +240,7 @@ def cast(on: Stage, taken: Taken, poses: mi.Float, options: Options, before: bou
         _reliefs(on, taken, host, options, None if before is None else before.reliefs),
         backdrop.Backdrop(on.infinity, _joined_maps(taken), options.resolution, _walls(on, host, options)),
         on.metals,
+        None if any(slot.part == slot.owner(planned.objects) for slot in planned.slots) else _boxes(planned, host),
     )
 
 
@@ -276,6 +277,16 @@ def _reliefs(
     shown = [([numbers[i] for i in objects], [numbers[i] for i in mirrors]) for objects, mirrors in planned.maps]
     layout = depthmap.Layout(len(deep), options.size, max(options.rotations, 1), max(options.points, 2))
     return relief.Reliefs(depth, rows, dropped, mi.Float(cameras), mi.UInt32(deep), parts, *_lists(shown), layout)
+
+
+def _boxes(planned: Plan, poses: np.ndarray) -> mi.Float:
+    """Of all mirrors, as `bounces.Cast.mirrors` has them."""
+    rows = []
+    for shape, pose in zip(planned.shapes[planned.objects :], poses[planned.objects :], strict=True):
+        half = np.maximum(0.5 * (shape.high - shape.low), STILL * shape.radius)
+        turn = pose[:, :3].T / half[:, None]
+        rows.append(np.column_stack([turn, -turn @ pose[:, 3] - 0.5 * (shape.low + shape.high) / half]))
+    return mi.Float(np.stack(rows).astype(np.float32).ravel())
 
 
 def _lists(shown: list[Listed]) -> tuple[mi.UInt32, int, int]:
