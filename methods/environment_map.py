@@ -36,7 +36,7 @@ from benchharness.scene import Scene
 OFF_PX = 2.0  # on the screen; what is shown further off than this is doubted
 WAY = (0.4, 1.0, 2.5, 6.25)  # where a ray's way is looked at, in distances of its start from the centre
 SPAN = 0.6  # of the angle between a point of the way and the way's end: so far is the next point, 1 - 1 / 2.5
-COVER = 0.25  # share of a texel that what is near has to fill
+COVER = 0.1  # share of a texel that what is near has to fill
 NEAR = 1e-3  # metres; what is nearer to the reflector's centre than this is inside the reflector
 
 

@@ -17,7 +17,7 @@ the quad. What lies z before the quad is shown |z| sin(angle between the ray and
 how far the ray moves from one pixel to the next (`Spread.pixels`). With z the largest that the ray reaches within the bounds:
 * A hit is doubted where that is more than two pixels, and where the ray comes from behind: the picture is of the front.
 * Beside a hit, something is missed where that is more than two pixels and the picture is not empty where the ray passes by
-  within the bounds: as wide a texel as that way is long, around its middle, is covered to a tenth.
+  within the bounds: as wide a texel as that way is long, around its middle, is covered to a twentieth.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ NONE = 0xFFFF_FFFF  # no billboard
 PARALLEL = 1e-6  # a ray whose direction has less than this along a quad's normal misses it
 OPAQUE = 0.5  # coverage from which a texel stops a ray
 OFF_PX = 2.0  # on the screen: what is shown further off than this is doubted
-COVERED = 0.1  # coverage from which a texel as wide as a ray's way through the bounds is not empty
+COVERED = 0.05  # coverage from which a texel as wide as a ray's way through the bounds is not empty
 SINE = float(np.sin(0.5 * FIELD))  # a camera stands 1 / SINE radii away
 COARSEST = 4  # texels across the last mip level
 

@@ -1,4 +1,4 @@
-"""Where a mirror may see itself: rays that leave a hollow of it, by the curvature there.
+"""Where a mirror may see itself: rays that leave a hollow of it, by the curvature there, or start below their own facet.
 
 Let a pixel's mirror direction r leave p under the angle c to the normal n, in a plane in which the surface bends towards r with
 radius q. The circle of that radius is met again at p + 2 q cos(c) r (the chord of a circle). If that point lies within the
@@ -7,6 +7,9 @@ surface bends away, it is met nowhere nearby.
 
 The curvature comes from the neighbouring pixels: their points are p + u_i, their normals n + m_i. In the tangent plane r
 has the direction t = a u_1 + b u_2, in which the normal turns by a m_1 + b m_2, and the curvature is t·(a m_1 + b m_2) / t·t.
+
+The plane through the three points is nearly the facet's, whatever the smooth normals say: a ray that leaves p to its other
+side starts within the mirror.
 """
 
 from __future__ import annotations
@@ -42,4 +45,6 @@ def away(
     inside = known & (curvature < 0)
     for row in box:
         inside &= dr.abs(dr.dot(row.xyz, mi.Vector3f(q)) + row.w) <= 1
-    return dr.select(inside, chord, dr.inf)
+    facet = dr.cross(u, v)
+    below = known & (dr.dot(facet, r) * dr.dot(facet, mi.Vector3f(n)) < 0)
+    return dr.select(below, 0, dr.select(inside, chord, dr.inf))
