@@ -92,7 +92,8 @@ class RayTraced(Method):
         rays = mi.UInt32(frame.active)
         if dr.width(lane) == 0:  # no mirror in view
             empty = dr.zeros(mi.Float, dr.width(frame.active))
-            return Reflection(mi.Color3f(empty), empty, mi.Bool(frame.active), counters={"rays": rays}), state
+            nothing = Reflection(mi.Color3f(empty), empty, mi.Bool(frame.active), counters={"rays": rays}, doubt=mi.Bool(False))
+            return nothing, state
         p, n, v = (dr.gather(type(a), a, lane) for a in (frame.p, frame.n, frame.v))
         r = optics.reflect(v, n)
         ray = _from(p, n, r)

@@ -16,6 +16,7 @@ from benchharness.kernels import backdrop, billboard, optics, relief, selfmet
 from benchharness.kernels.frozen import frozen
 
 LEAST_COVERAGE = 0.05  # a texel at an object's border is brightened by no more than its inverse
+FARTHEST = 1e6  # metres: no further is it told how far rays are apart
 RAY_EPSILON = 1e-4  # start of a ray above the surface, relative to the size of its coordinates
 
 
@@ -88,11 +89,11 @@ def reflected(cast: Cast, view, frame: list, pixel: mi.UInt32, manner: Manner) -
         box = [dr.gather(mi.Vector4f, cast.mirrors, number * 3 + k) for k in range(3)]
         met.missed = dr.minimum(met.missed, selfmet.away(p, n, d, apart.start, bends, box))
 
-    L, distance, far = _shown(cast, number, o, d, met, mi.Bool(True))
+    L, distance, far, off = _shown(cast, number, o, d, met, apart, mi.Bool(True))
 
     other = dr.gather(mi.Float, cast.boards.quads, met.slot * 16 + 3, ~far)
     again = ~far & (other >= 0)
-    tests, doubt = met.tests, _doubted(met, distance, far)
+    tests, doubt = met.tests, _doubted(met, distance, far) | off
     if manner.second:
         L2, more, further, beyond = _again(cast, manner, met, o, d, mi.UInt32(dr.maximum(other, 0)), apart, again)
         L, tests, work = dr.select(again, L2, L), tests + more, work + further
@@ -109,15 +110,17 @@ def _doubted(met: billboard.Hit, distance: mi.Float, far: mi.Bool) -> mi.Bool:
 
 
 @dr.syntax
-def _shown(cast: Cast, mirror: mi.UInt32, o, d, met: billboard.Hit, active) -> tuple[mi.Color3f, mi.Float, mi.Bool]:
-    """What a ray shows that has met `met`, how far away that is, and whether it lies behind all impostors."""
-    L, distance = mi.Color3f(met.value.xyz), mi.Float(met.t)
+def _shown(cast: Cast, mirror: mi.UInt32, o, d, met: billboard.Hit, apart: billboard.Spread, active):
+    """What a ray shows that has met `met`; how far away that is; whether it is behind all impostors, and there too far off."""
+    L, distance, off = mi.Color3f(met.value.xyz), mi.Float(met.t), mi.Bool(False)
     direction, ground = backdrop.behind(cast.backdrop, o, d)
     far = active & (~(met.t < ground) | (met.t == dr.inf))
     if far:
         L, away = backdrop.look_up(cast.backdrop, mirror, direction, mi.Bool(True))
         distance = dr.select(ground < dr.inf, ground, away)
-    return L, distance, far
+        beside = backdrop.beside(cast.backdrop, mirror, o, d, mi.Bool(True))
+        off = (distance < dr.inf) & (apart.pixels(dr.minimum(distance, FARTHEST), beside) > billboard.OFF_PX)
+    return L, distance, far, off
 
 
 def _nearest(cast: Cast, manner: Manner, objects: bool, mirror, o, d, apart, active) -> tuple[billboard.Hit, mi.UInt32]:
@@ -156,8 +159,8 @@ def _again(cast: Cast, manner: Manner, met: billboard.Hit, o, d, mirror: mi.UInt
         out = optics.reflect(-d, mi.Normal3f(n))
         start = _above(o + met.t * d, n)
         found, work = _nearest(cast, manner, True, mirror, start, out, apart, mi.Bool(True))
-        L, distance, far = _shown(cast, mirror, start, out, found, mi.Bool(True))
-        doubt = _doubted(found, distance, far) | (_third(cast, mirror, start, out) < distance)
+        L, distance, far, off = _shown(cast, mirror, start, out, found, apart, mi.Bool(True))
+        doubt = off | _doubted(found, distance, far) | (_third(cast, mirror, start, out) < distance)
         L *= optics.reflectance(cast.metals, mirror, dr.clip(-dr.dot(n, d), 0, 1), mi.Bool(True))
         tests = found.tests
     return L, tests, work, doubt

@@ -203,7 +203,7 @@ def _renew_maps(on: Stage, now: Taken, world: geometry.Geometry, poses: np.ndarr
         depends = poses[sorted(inside) if shared else [*sorted(inside), own]]
         if now.poses[mirror] is not None and (now.poses[mirror] == depends).all():
             continue
-        centre = on.centre if shared else poses[own, :, :3] @ planned.shapes[own].centroid + poses[own, :, 3]
+        centre = on.centre if shared else _centre(planned, own, poses)
         place, near = mi.Point3f(*map(float, centre)), mi.Float(NEAR)
         shown = mi.UInt32([int(part in inside) for part in range(len(planned.shapes))])
         dr.make_opaque(place, near)
@@ -212,6 +212,18 @@ def _renew_maps(on: Stage, now: Taken, world: geometry.Geometry, poses: np.ndarr
         wanted = dr.gather(mi.UInt32, shown, owner) == 1
         now.maps[mirror] = cubemap.capture(world, wanted, place, options.resolution, near, on.infinity)
         now.poses[mirror] = depends
+
+
+def _centre(planned: Plan, part: int, poses: np.ndarray) -> np.ndarray:
+    return poses[part, :, :3] @ planned.shapes[part].centroid + poses[part, :, 3]
+
+
+def _places(planned: Plan, poses: np.ndarray) -> mi.Float | None:
+    """Of the mirrors' environment maps, as `backdrop.Backdrop` has them."""
+    if planned.ground is not None or not any(planned.enclosing):
+        return None
+    mirrors = range(planned.objects, len(planned.shapes))
+    return mi.Float(np.array([[*_centre(planned, m, poses), 0] for m in mirrors], np.float32).ravel())
 
 
 def cast(on: Stage, taken: Taken, poses: mi.Float, options: Options, before: bounces.Cast | None) -> bounces.Cast:
@@ -238,7 +250,9 @@ def cast(on: Stage, taken: Taken, poses: mi.Float, options: Options, before: bou
         billboard.Billboards(table, *_lists(planned.quads)),
         billboard.Pictures(texels, options.size, options.mip, flat),
         _reliefs(on, taken, host, options, None if before is None else before.reliefs),
-        backdrop.Backdrop(on.infinity, _joined_maps(taken), options.resolution, _walls(on, host, options)),
+        backdrop.Backdrop(
+            on.infinity, _joined_maps(taken), options.resolution, _walls(on, host, options), _places(planned, host)
+        ),
         on.metals,
         None if any(slot.part == slot.owner(planned.objects) for slot in planned.slots) else _boxes(planned, host),
     )
