@@ -68,7 +68,7 @@ class EnvironmentMap(Method):
     paper: ClassVar[str] = "Blinn and Newell 1976; Greene 1986"
     limits: ClassVar[dict[str, str]] = {
         "F-01": "at grazing incidence something small slips through between the four points of the ray that are looked up",
-        "F-03, F-08": "near its silhouette a mirror shows so much in two pixels that what is less far off is wrong all the same",
+        "F-03, F-08": "near its silhouette a mirror shows so much in two pixels that what is less far off differs all the same",
         "F-11, F-23, F-25": "rays that meet the mirror again elsewhere than in a hollow of one radius are not traced",
         "F-17": "no frame is compared with the last",
         "F-21": "something small at the focus fills the mirror, but no texel of the levels in which the ray is looked up",

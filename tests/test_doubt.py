@@ -158,7 +158,7 @@ def test_a_ray_is_lost_from_where_it_runs_behind_the_surface_and_not_where_it_hi
         ((0.02, 0.01, 2.2), (0.05, 0.0, 1.0)),  # hits
         ((-3.0, 0.01, 3.5), (0.0, 1.0, 0.0)),  # beside
     ]
-    segment = seen(cam, *map(np.array, zip(*rays, strict=True)))
+    segment = seen(cam, np.array([o for o, _ in rays]), np.array([d for _, d in rays]))
     if marching:
         hit = depthray.meet_texels(segment, device(depth), cam.w)
     else:
@@ -176,11 +176,10 @@ def test_a_hit_between_samples_that_differ_is_a_step_and_a_row_without_all_its_s
     depth = plate(cam)
     depth[:, 64:] = np.where(depth[:, 64:] < 1.5, depth[:, 64:] + 0.3, BACKGROUND)
     layout, rows, dropped = built(depth, 60, 16)
-    x = (63.5 - 63.5) / cam.focal
-    z = 3.15  # between the two, where both have it: the step's middle
+    z = 3.15  # within the step
     rays = [((-0.3, 0.01, z), (1.0, 0.0, 0.0)), ((0.3, 0.01, 2.2), (0.0, 0.0, 1.0))]
-    segment = seen(cam, *map(np.array, zip(*rays, strict=True)))
-    back = seen(cam, np.array([[x + 0.3, 0.01, z]]), np.array([[-1.0, 0.0, 0.0]]))
+    segment = seen(cam, np.array([o for o, _ in rays]), np.array([d for _, d in rays]))
+    back = seen(cam, np.array([[0.3, 0.01, z]]), np.array([[-1.0, 0.0, 0.0]]))
     assert np.array(depthray.meet_rows(back, rows, layout).step).tolist() == [True]
     assert np.array(depthray.meet_texels(back, device(depth), cam.w).step).tolist() == [True]
     assert not np.array(depthray.meet_rows(segment, rows, layout).step)[1]
@@ -195,9 +194,9 @@ def test_a_hollow_of_a_sphere_is_met_again_where_the_ray_meets_the_sphere():
     p, w = rng.normal(size=(2, 400, 3))
     p /= np.linalg.norm(p, axis=1, keepdims=True)
     p[:, 2] = np.abs(p[:, 2])
-    r = w - np.minimum((w * p).sum(1) * 2, 0)[:, None] * 0
-    r /= np.linalg.norm(r, axis=1, keepdims=True)
-    r = np.where(((r * p).sum(1) > 0)[:, None], r - 2 * (r * p).sum(1)[:, None] * p, r)
+    w /= np.linalg.norm(w, axis=1, keepdims=True)
+    outward = np.maximum((w * p).sum(1), 0)
+    r = w - 2 * outward[:, None] * p
     s = -2 * (p * r).sum(1)
     u = np.cross(p, rng.normal(size=(400, 3)))
     u *= 1e-3 / np.linalg.norm(u, axis=1, keepdims=True)
