@@ -139,27 +139,30 @@ def _look_up(maps: list, places: list, boxes: list, view, pixels: list, resoluti
     for i, (pyramid, place, box) in enumerate(zip(maps, places, boxes, strict=True)):
         own = active & (reflector == i)
         value = dr.select(own, cubemap.lookup_mip(pyramid, resolution, count, r, level, own), value)
-        doubt |= own & _misplaced(pyramid, resolution, count, mi.Vector3f(p - place), r, value.w, OFF_PX * turn, own)
-        doubt |= own & (value.w * selfmet.away(p, n, r, steps, bends, box) < 1)
+        x = mi.Vector3f(p - place)
+        doubt |= _misplaced(pyramid, resolution, count, x, r, value.w, OFF_PX * turn, own)
+        doubt |= own & (value.w * selfmet.away(p, n, r, steps, bends, box, own) < 1)
     if len(maps) > 1:
         doubt |= active & (value.w > 0) & (dr.max(value.xyz) <= 0)
     distance = dr.select(active & (value.w <= 0), dr.inf, dr.rcp(dr.select(active, value.w, 1)))
     return mi.Color3f(value.x, value.y, value.z), dr.select(active, distance, 0), doubt
 
 
+@dr.syntax
 def _misplaced(pyramid, resolution: int, count: int, x, r, inverse, angle, active) -> mi.Bool:
     """Whether what is shown along r, at 1 / distance `inverse`, belongs more than `angle` away, or something else does there.
 
     x  start of the ray, from the map's centre
     """
-    across = dr.norm(x - dr.dot(x, r) * r)
-    off = across * inverse > angle
-    for t in WAY if count > 1 else ():
-        q = x + t * dr.norm(x) * r
-        away = dr.norm(q)
-        level = dr.log2(dr.maximum(across / away * (0.5 * SPAN * resolution), 1))
-        nearness = cubemap.texel(pyramid, resolution, count, q, level, active).w
-        off |= (across > angle * away) & (nearness * away > COVER)
+    across, start = dr.norm(x - dr.dot(x, r) * r), dr.norm(x)
+    off = active & (across * inverse > angle)
+    if active & ~off:  # in a narrow room, few
+        for t in WAY if count > 1 else ():
+            q = x + t * start * r
+            away = dr.norm(q)
+            level = dr.log2(dr.maximum(across / away * (0.5 * SPAN * resolution), 1))
+            nearness = cubemap.texel(pyramid, resolution, count, q, level, True).w
+            off |= (across > angle * away) & (nearness * away > COVER)
     return off
 
 

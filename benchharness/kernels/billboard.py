@@ -180,39 +180,55 @@ class Way:
     off: mi.Bool
 
 
-def _no_way() -> Way:
-    return Way(mi.Bool(False), mi.Float(0), mi.Float(0), mi.Bool(False))
+@dataclass
+class Quad:
+    """Packets of `Billboards.quads`; the ray o + t d, t > `least`; t where it crosses the plane, and d across it."""
 
+    middle: mi.Vector4f
+    a: mi.Vector4f
+    b: mi.Vector4f
+    k: mi.Vector4f
+    o: mi.Point3f
+    d: mi.Vector3f
+    least: mi.Float
+    crossing: mi.Float
+    along: mi.Float
 
-def _way(middle: mi.Vector4f, k: mi.Vector4f, front, back, o, d, crossing, along, least, spread: Spread) -> Way:
-    """See the module's account of doubt. `crossing`: t at the quad's plane; `along`: d across it."""
-    to_middle = mi.Vector3f(middle.xyz) - mi.Vector3f(o)
-    closest = dr.dot(to_middle, d)
-    chord2 = dr.square(k.w) - dr.squared_norm(to_middle) + dr.square(closest)
-    chord = dr.sqrt(dr.maximum(chord2, 0))
-    per = dr.rcp(dr.select(dr.abs(along) < PARALLEL, PARALLEL, along))
-    one, other = crossing + front * per, crossing - back * per
-    lo = dr.maximum(dr.maximum(closest - chord, dr.minimum(one, other)), least)
-    hi = dr.minimum(closest + chord, dr.maximum(one, other))
-    height = along * dr.maximum(dr.abs(lo - crossing), dr.abs(hi - crossing))
+    def chord(self) -> tuple[mi.Float, mi.Float]:
+        """Of the sphere around the part: t amid the ray's way through it, and the square of half its length."""
+        to_middle = mi.Vector3f(self.middle.xyz) - mi.Vector3f(self.o)
+        closest = dr.dot(to_middle, self.d)
+        return closest, dr.square(self.k.w) - dr.squared_norm(to_middle) + dr.square(closest)
 
-    # Towards the camera, from where the ray passes by.
-    t = 0.5 * (lo + hi)
-    q = t * d - to_middle
-    w = dr.normalize((k.w / SINE + dr.dot(q, k.xyz)) * k.xyz - q)
-    off = spread.pixels(t, height * (w - dr.dot(w, d) * d)) > OFF_PX
-    return Way((chord2 > 0) & (lo < hi), lo, hi, off)
+    def way(self, spread: Spread) -> Way:
+        """See the module's account of doubt."""
+        closest, chord2 = self.chord()
+        chord = dr.sqrt(dr.maximum(chord2, 0))
+        per = dr.rcp(dr.select(dr.abs(self.along) < PARALLEL, PARALLEL, self.along))
+        one, other = self.crossing + self.a.w * per, self.crossing - self.b.w * per
+        lo = dr.maximum(dr.maximum(closest - chord, dr.minimum(one, other)), self.least)
+        hi = dr.minimum(closest + chord, dr.maximum(one, other))
+        height = self.along * dr.maximum(dr.abs(lo - self.crossing), dr.abs(hi - self.crossing))
+
+        # Towards the camera, from where the ray passes by.
+        t = 0.5 * (lo + hi)
+        q = mi.Vector3f(self.o) + t * self.d - mi.Vector3f(self.middle.xyz)
+        w = dr.normalize((self.k.w / SINE + dr.dot(q, self.k.xyz)) * self.k.xyz - q)
+        off = spread.pixels(t, height * (w - dr.dot(w, self.d) * self.d)) > OFF_PX
+        return Way((chord2 > 0) & (lo < hi), lo, hi, off)
 
 
 @dr.syntax
-def _missed(pictures: Pictures, slot, middle, a, b, o, d, along, way: Way, active) -> mi.Float:
-    """From which t on a ray that met nothing opaque may meet what its slot shows; inf for nowhere."""
+def _missed(pictures: Pictures, slot: mi.UInt32, quad: Quad, spread: Spread, nearer: mi.Float, active) -> mi.Float:
+    """From which t < `nearer` on a ray that met nothing opaque may meet what its slot shows; inf for nowhere."""
     t = mi.Float(dr.inf)
-    if active:
-        q = mi.Vector3f(o) + 0.5 * (way.lo + way.hi) * d - mi.Vector3f(middle.xyz)
-        level = level_of(pictures, a, (way.hi - way.lo) * dr.sqrt(dr.maximum(1 - dr.square(along), 0)))
-        there = sample(pictures, slot, dr.dot(q, a.xyz), dr.dot(q, b.xyz), level, mi.Bool(True))
-        t = dr.select(there.w > COVERED, way.lo, t)
+    if active & (quad.chord()[1] > 0):  # most rays miss most spheres
+        way = quad.way(spread)
+        near = way.within & way.off & (way.lo < nearer)
+        q = mi.Vector3f(quad.o) + 0.5 * (way.lo + way.hi) * quad.d - mi.Vector3f(quad.middle.xyz)
+        level = level_of(pictures, quad.a, (way.hi - way.lo) * dr.sqrt(dr.maximum(1 - dr.square(quad.along), 0)))
+        there = sample(pictures, slot, dr.dot(q, quad.a.xyz), dr.dot(q, quad.b.xyz), level, near)
+        t = dr.select(near & (there.w > COVERED), way.lo, t)
     return t
 
 
@@ -240,16 +256,15 @@ def nearest(
         offset = mi.Vector3f(o) + distance * d - mi.Vector3f(middle.xyz)
         x, y = dr.dot(offset, a.xyz), dr.dot(offset, b.xyz)
         inside = listed & (distance > least) & (distance < t) & (dr.abs(x) <= 1) & (dr.abs(y) <= 1)
-        way = _way(middle, k, a.w, b.w, o, d, distance, along, least, spread) if deep else _no_way()
-        passes = listed & way.within & way.off & (way.lo < t)
+        quad, passes = Quad(middle, a, b, k, o, d, least, distance, along), mi.Bool(listed)
         if inside:  # most rays miss most quads
             found = sample(pictures, candidate, x, y, level_of(pictures, a, spread.at(distance)), mi.Bool(True))
             opaque = found.w > OPAQUE
             t, slot = dr.select(opaque, distance, t), dr.select(opaque, candidate, slot)
             value = dr.select(opaque, found * dr.rcp(dr.maximum(found.w, OPAQUE)), value)
-            doubt = dr.select(opaque, deep & (way.off | (along > 0)), doubt)
+            doubt = dr.select(opaque, (along > 0) | quad.way(spread).off if deep else mi.Bool(False), doubt)
             passes &= ~opaque
-        missed = dr.minimum(missed, _missed(pictures, candidate, middle, a, b, o, d, along, way, passes)) if deep else missed
+        missed = dr.minimum(missed, _missed(pictures, candidate, quad, spread, t, passes)) if deep else missed
         tests += dr.select(listed, mi.UInt32(1), 0)
         column += 1
     return Hit(t, slot, value, tests, doubt, missed)
