@@ -131,9 +131,14 @@ class Reflection:
 
 
 class Method(ABC):
-    """Base of all methods. Subclasses are `@dataclass(frozen=True)`."""
+    """Base of all methods. Subclasses are `@dataclass(frozen=True)`.
+
+    paper   whose idea it is
+    limits  entry of the catalogue of failures, as in `Regime.entry` -> why the method may fail there and cannot know
+    """
 
     paper: ClassVar[str]
+    limits: ClassVar[dict[str, str]] = {}
 
     def refuses(self, scene: Scene) -> str | None:
         """A sentence why this method cannot serve the scene, or None."""

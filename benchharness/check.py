@@ -160,7 +160,7 @@ class _Answer:
             with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
                 reflection, state = method.shade(state, frame)
                 self.launched = len(dr.kernel_history([dr.KernelType.JIT]))
-            dr.eval(reflection.L, reflection.distance, reflection.found, reflection.counters, state)
+            dr.eval(reflection.L, reflection.distance, reflection.found, reflection.doubt, reflection.counters, state)
             self._read(reflection, frame)
         except Exception as error:
             self.broken = f"{type(error).__name__}: {error}"
@@ -175,6 +175,12 @@ class _Answer:
                 raise TypeError(f"{name} is {type(value).__name__}; accepted: {kind.__name__}")
             if dr.width(value) != self.lanes:
                 raise TypeError(f"{name} has {dr.width(value)} lanes; accepted: {self.lanes}, one per pixel")
+        if reflection.doubt is not None:
+            if not isinstance(reflection.doubt, mi.Bool):
+                raise TypeError(f"doubt is {type(reflection.doubt).__name__}; accepted: Bool, or None")
+            if dr.width(reflection.doubt) not in (1, self.lanes):
+                lanes = dr.width(reflection.doubt)
+                raise TypeError(f"doubt has {lanes} lanes; accepted: {self.lanes}, one per pixel, or one for all")
         self.active = np.array(frame.active)
         self.L = np.array(reflection.L).T
         self.distance = np.array(reflection.distance)

@@ -7,6 +7,13 @@ quads with a normal per texel, from which the ray goes on once.
 
 Assumes that an object is far from the mirror for its depth: within a quad there is no parallax, and an object that touches
 the mirror is cut off or stands off where the quad does. Independent of the mirror's geometry; rebuilt only for what moved.
+
+Doubted, all within reach of what is at hand; two pixels are the bound for what is off:
+* hits on a picture of something deep, seen from so far aside of the picture's camera that its depth is off, or from behind;
+  and rays that pass so near to it that its depth may meet them (`kernels.billboard`)
+* the environment map where the ray passes its centre too far away for the distance of what it shows (`kernels.backdrop`)
+* what lies beyond the mirror itself, where a hollow of it is likely met again (`kernels.selfmet`)
+* second reflections that go on towards a further mirror, by its sphere; with `others` "black", every one
 """
 
 from __future__ import annotations
@@ -44,6 +51,11 @@ class BillboardImpostor(Method):
     attenuation: Annotated[float, Field(ge=0)] = 0.0
 
     paper: ClassVar[str] = "Popescu et al. 2006 (billboards)"
+    limits: ClassVar[dict[str, str]] = {
+        "F-11, F-23, F-25": "rays that meet the mirror again elsewhere than in a hollow of one radius are not traced",
+        "F-17": "texels flicker by less than two pixels, and no frame is compared with the last",
+        "P-04": "a picture holds the highlights seen from its camera, and not whose surface they lie on",
+    }
 
     def __post_init__(self) -> None:
         for name, value in (("resolution", self.resolution), ("planes", self.planes)):
@@ -59,6 +71,8 @@ class BillboardImpostor(Method):
         return imagewise.updated(state, frame.poses, options)
 
     def shade(self, state: imagewise.State, frame: Frame) -> tuple[Reflection, imagewise.State]:
-        manner = bounces.Manner(self.others == "reflective", self.mip)
+        manner = bounces.Manner(self.others == "reflective")
         shown = imagewise.shown(state, frame, manner, self.attenuation)
-        return Reflection(shown.L, shown.distance, mi.Bool(frame.active), counters=shown.counters), shown.state
+        return Reflection(
+            shown.L, shown.distance, mi.Bool(frame.active), counters=shown.counters, doubt=shown.doubt
+        ), shown.state

@@ -8,6 +8,13 @@ maps with normals, from which the ray goes on once; with `own_maps` a mirror is 
 
 Assumes that what matters of an object can be seen by its cameras: what none of them sees is not there. A depth map is rigid:
 it moves with its object, and is taken again only once the mirror has moved around the object by more than `turn`.
+
+Doubted (`kernels.depthray`, `kernels.relief`):
+* rays that run behind the surface of all maps of a part, before their hit: what is there no camera saw
+* rays over rows that had no room for all their spans
+* hits on a step from one sample to the next, a skin that may join what stands apart
+and, as in `billboard_impostor`, the environment map where the ray passes its centre too far away; hollows of the mirror
+that it meets again, without `own_maps`; second reflections that go on towards a further mirror.
 """
 
 from __future__ import annotations
@@ -64,6 +71,11 @@ class DepthImpostor(Method):
     attenuation: Annotated[float, Field(ge=0)] = 0.0
 
     paper: ClassVar[str] = "Popescu et al. 2006 (depth maps)"
+    limits: ClassVar[dict[str, str]] = {
+        "F-11, F-23, F-25": "rays that meet the mirror again elsewhere than in a hollow of one radius are not traced",
+        "F-17": "texels flicker by less than two pixels, and no frame is compared with the last",
+        "P-04": "a picture holds the highlights seen from its camera, and not whose surface they lie on",
+    }
 
     def __post_init__(self) -> None:
         for name, value in (("resolution", self.resolution), ("planes", self.planes)):
@@ -83,6 +95,8 @@ class DepthImpostor(Method):
         return imagewise.updated(state, frame.poses, options)
 
     def shade(self, state: imagewise.State, frame: Frame) -> tuple[Reflection, imagewise.State]:
-        manner = bounces.Manner(self.others == "reflective", self.mip, self.split_jump, self.anchor)
+        manner = bounces.Manner(self.others == "reflective", self.split_jump, self.anchor)
         shown = imagewise.shown(state, frame, manner, self.attenuation)
-        return Reflection(shown.L, shown.distance, mi.Bool(frame.active), counters=shown.counters), shown.state
+        return Reflection(
+            shown.L, shown.distance, mi.Bool(frame.active), counters=shown.counters, doubt=shown.doubt
+        ), shown.state

@@ -5,8 +5,17 @@ mirror direction of its own ray as if all surroundings were infinitely far away.
 
 Assumes distant surroundings. What is near is shown in the wrong place: the parallax between the reflector's centre and
 the reflection point is ignored, and contact between an object and its image is lost. Highlights are those that the
-reflector's centre sees. With `mip`, the level is chosen from
-how far the direction turns from one pixel to the next, so that a strongly curved mirror does not alias.
+reflector's centre sees. With `mip`, the level is chosen from how far the direction turns from one pixel to the next, so
+that a strongly curved mirror does not alias.
+
+Doubted: let x be the reflection point seen from the centre, r the mirror direction, and a the turn of r from this pixel to
+the next. The centre sees the points x + t r of the ray by angles |x - (x·r) r| / |x + t r| away from r.
+* What is shown at a distance D from the centre is about |x - (x·r) r| / (D a) pixels from its place: more than two are doubted.
+* What should be shown lies on the ray. With `mip`, four of its points are looked up, in the level whose texels are as wide
+  as the gaps between them. Where one is more than two pixels from r and the map shows a surface nearer to the centre
+  than it, the ray has met something that is not shown.
+* What lies beyond the mirror itself, where a hollow of it is likely met again (`kernels.selfmet`): it is not in its map.
+* In a scene of several mirrors, what is black: in the map the others are, and nothing that is lit.
 """
 
 from __future__ import annotations
@@ -16,25 +25,34 @@ from typing import Annotated, ClassVar
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection
-from benchharness.kernels import cubemap, geometry, optics, surroundings
+from benchharness.kernels import cubemap, geometry, optics, selfmet, surroundings
 from benchharness.kernels.frozen import frozen
 from benchharness.scene import Scene
 
+OFF_PX = 2.0  # on the screen; what is shown further off than this is doubted
+WAY = (0.4, 1.0, 2.5, 6.25)  # where a ray's way is looked at, in distances of its start from the centre
+SPAN = 0.6  # of the angle between a point of the way and the way's end: so far is the next point, 1 - 1 / 2.5
+COVER = 0.1  # share of a texel that what is near has to fill
 NEAR = 1e-3  # metres; what is nearer to the reflector's centre than this is inside the reflector
 
 
 @dataclass
 class State:
-    """`centres`: middle of each reflector's bounding box, object space; `maps`: per reflector."""
+    """Per reflector: `centres`, middle of its bounding box in object space, and `halves` of the box's size; the same in the
+    world, as `places` and as `boxes`, see `selfmet.away`; `maps`."""
 
     geometry: geometry.Geometry
     centres: list[mi.Point3f]
+    halves: list[mi.Vector3f]
     surroundings: surroundings.Surroundings
     near: mi.Float
     maps: list[cubemap.Pyramid]
+    places: list[mi.Point3f]
+    boxes: list[list[mi.Vector4f]]
 
 
 @dataclass(frozen=True)
@@ -48,69 +66,113 @@ class EnvironmentMap(Method):
     mip: bool = True
 
     paper: ClassVar[str] = "Blinn and Newell 1976; Greene 1986"
+    limits: ClassVar[dict[str, str]] = {
+        "F-01": "at grazing incidence something small slips through between the four points of the ray that are looked up",
+        "F-03, F-08": "near its silhouette a mirror shows so much in two pixels that what is less far off differs all the same",
+        "F-11, F-23, F-25": "rays that meet the mirror again elsewhere than in a hollow of one radius are not traced",
+        "F-17": "no frame is compared with the last",
+        "F-21": "something small at the focus fills the mirror, but no texel of the levels in which the ray is looked up",
+        "I-03": "a card seen edge-on from the mirror's centre fills no texel of its map",
+    }
 
     def __post_init__(self) -> None:
         if self.resolution & (self.resolution - 1):
             raise ValueError(f"environment_map: resolution is {self.resolution}; accepted: a power of two, such as 256")
 
     def prepare(self, scene: Scene) -> State:
-        centres = []
+        centres, halves = [], []
         for r in scene.reflectors:
             v = (r.closed or r.mesh).vertices
             centres.append(mi.Point3f((0.5 * (v.min(axis=0) + v.max(axis=0))).tolist()))
+            halves.append(mi.Vector3f(np.maximum(0.5 * np.ptp(v, axis=0), NEAR).tolist()))
         near = mi.Float(NEAR)
-        dr.make_opaque(near, centres)
-        return State(geometry.of_scene(scene), centres, surroundings.of_scene(scene), near, [])
+        dr.make_opaque(near, centres, halves)
+        return State(geometry.of_scene(scene), centres, halves, surroundings.of_scene(scene), near, [], [], [])
 
     def update(self, state: State, frame: Frame) -> State:
         first = len(frame.poses) // 12 - len(state.centres)
         world = geometry.placed(state.geometry, frame.poses)
-        maps = []
-        for i, centre in enumerate(state.centres):
+        maps, places, boxes = [], [], []
+        for i, (centre, half) in enumerate(zip(state.centres, state.halves, strict=True)):
             part = dr.opaque(mi.UInt32, first + i)
-            finest = _capture(world, frame.poses, part, centre, state.near, state.surroundings, self.resolution)
+            place, box = _placed(frame.poses, part, centre, half)
+            finest = _capture(world, part, place, state.near, state.surroundings, self.resolution)
             levels = [finest]
             for n in cubemap.levels_of(self.resolution)[:-1] if self.mip else ():
                 levels.append(cubemap.coarser(levels[-1], n))
             maps.append(cubemap.pyramid(levels))
-        return replace(state, maps=maps)
+            places.append(place)
+            boxes.append(box)
+        return replace(state, maps=maps, places=places, boxes=boxes)
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
-        L, distance = _look_up(
-            state.maps, frame.view, frame.p, frame.n, frame.reflector, frame.active, self.resolution, self.mip
-        )
-        return Reflection(L, distance, mi.Bool(frame.active)), state
+        pixels = [frame.p, frame.n, frame.reflector, frame.active]
+        L, distance, doubt = _look_up(state.maps, state.places, state.boxes, frame.view, pixels, self.resolution, self.mip)
+        return Reflection(L, distance, mi.Bool(frame.active), doubt=doubt), state
 
 
-def _capture(triangles: geometry.Geometry, poses, part, centre, near, around, resolution: int) -> mi.Float:
-    """The finest level of one reflector's map: everything but part number `part`, around `centre` of that part."""
+def _placed(poses: mi.Float, part: mi.UInt32, centre: mi.Point3f, half: mi.Vector3f) -> tuple[mi.Point3f, list[mi.Vector4f]]:
+    """Where a part's centre is in the world, and the rows that take a point of the world to [-1, 1] across its box."""
+    rows = [dr.gather(mi.Vector4f, poses, part * 3 + k) for k in range(3)]
     q = mi.Vector4f(centre.x, centre.y, centre.z, 1)
-    world = mi.Point3f(*(dr.dot(dr.gather(mi.Vector4f, poses, part * 3 + k), q) for k in range(3)))
+    place = mi.Point3f(*(dr.dot(row, q) for row in rows))
+    axes = [mi.Vector3f(rows[0][j], rows[1][j], rows[2][j]) / half[j] for j in range(3)]
+    return place, [mi.Vector4f(axis.x, axis.y, axis.z, -dr.dot(axis, mi.Vector3f(place))) for axis in axes]
+
+
+def _capture(triangles: geometry.Geometry, part, place: mi.Point3f, near, around, resolution: int) -> mi.Float:
+    """The finest level of one reflector's map: everything but part number `part`, around its centre."""
     owner = geometry.part_of(dr.gather(mi.Vector4u, triangles.faces, dr.arange(mi.UInt32, triangles.face_count)))
-    return cubemap.capture(triangles, owner != part, world, resolution, near, around)
+    return cubemap.capture(triangles, owner != part, place, resolution, near, around)
 
 
 @frozen
-def _look_up(maps: list, view, p, n, reflector, active, resolution: int, mip: bool):
-    """Radiance and distance at every pixel, from the map of the reflector seen there."""
+def _look_up(maps: list, places: list, boxes: list, view, pixels: list, resolution: int, mip: bool):
+    """Radiance, distance and doubt of every pixel, from the map of its reflector. `pixels`: p, n, reflector, active."""
+    p, n, reflector, active = pixels
     eye = view.eye
     r = optics.reflect(dr.normalize(eye - p), n)
-    level = _footprint(eye, p, n, reflector, r, view, resolution) if mip else mi.Float(0)
-    value = mi.Vector4f(0)
+    steps, bends, turn = _neighbours(eye, p, n, reflector, r, view)
+    level = dr.maximum(dr.log2(dr.maximum(turn * (0.5 * resolution), 1)), 0) if mip else mi.Float(0)
+    value, doubt = mi.Vector4f(0), mi.Bool(False)
     count = len(cubemap.levels_of(resolution)) if mip else 1
-    for i, pyramid in enumerate(maps):
+    for i, (pyramid, place, box) in enumerate(zip(maps, places, boxes, strict=True)):
         own = active & (reflector == i)
         value = dr.select(own, cubemap.lookup_mip(pyramid, resolution, count, r, level, own), value)
+        x = mi.Vector3f(p - place)
+        doubt |= _misplaced(pyramid, resolution, count, x, r, value.w, OFF_PX * turn, own)
+        doubt |= own & (value.w * selfmet.away(p, n, r, steps, bends, box, own) < 1)
+    if len(maps) > 1:
+        doubt |= active & (value.w > 0) & (dr.max(value.xyz) <= 0)
     distance = dr.select(active & (value.w <= 0), dr.inf, dr.rcp(dr.select(active, value.w, 1)))
-    return mi.Color3f(value.x, value.y, value.z), dr.select(active, distance, 0)
+    return mi.Color3f(value.x, value.y, value.z), dr.select(active, distance, 0), doubt
 
 
-def _footprint(eye, p, n, reflector, r, view, resolution: int) -> mi.Float:
-    """Mip level at which one texel is as wide as the turn of r from this pixel to its right and lower neighbours."""
+@dr.syntax
+def _misplaced(pyramid, resolution: int, count: int, x, r, inverse, angle, active) -> mi.Bool:
+    """Whether what is shown along r, at 1 / distance `inverse`, belongs more than `angle` away, or something else does there.
+
+    x  start of the ray, from the map's centre
+    """
+    across, start = dr.norm(x - dr.dot(x, r) * r), dr.norm(x)
+    off = active & (across * inverse > angle)
+    if active & ~off:  # in a narrow room, few
+        for t in WAY if count > 1 else ():
+            q = x + t * start * r
+            away = dr.norm(q)
+            level = dr.log2(dr.maximum(across / away * (0.5 * SPAN * resolution), 1))
+            nearness = cubemap.texel(pyramid, resolution, count, q, level, True).w
+            off |= (across > angle * away) & (nearness * away > COVER)
+    return off
+
+
+def _neighbours(eye, p, n, reflector, r, view) -> tuple[list, list, mi.Float]:
+    """From this pixel to its right and its lower neighbour: the steps of p, the changes of n, both 0 where something else is
+    there; and the larger of the turns of r, radians."""
     lane = dr.arange(mi.UInt32, view.width * view.height)
     column = lane % view.width
     last_column, last_row = column == view.width - 1, lane >= view.width * (view.height - 1)
-    turn = mi.Float(0)
+    steps, bends, turn = [], [], mi.Float(0)
     # At the picture's end, the neighbour on the other side.
     for there in (dr.select(last_column, lane - 1, lane + 1), dr.select(last_row, lane - view.width, lane + view.width)):
         there = dr.minimum(there, view.width * view.height - 1)
@@ -118,4 +180,6 @@ def _footprint(eye, p, n, reflector, r, view, resolution: int) -> mi.Float:
         same = dr.gather(mi.Int32, reflector, there) == reflector
         turned = dr.norm(optics.reflect(dr.normalize(eye - q), m) - r)
         turn = dr.select(same, dr.maximum(turn, turned), turn)
-    return dr.maximum(dr.log2(dr.maximum(turn * (0.5 * resolution), 1)), 0)
+        steps.append(dr.select(same, mi.Vector3f(q - p), 0))
+        bends.append(dr.select(same, mi.Vector3f(m - n), 0))
+    return steps, bends, turn

@@ -5,6 +5,8 @@ into a bounding volume hierarchy over the scene, and shows the baked radiance of
 mirrors, and the mirror itself, are hit and black: one bounce. With more `bounces` the ray goes on from there, about that
 mirror's interpolated normal and dimmed by its reflectance; the last mirror is black. `distance` is the first ray's.
 
+Doubted: rays that end at a mirror, which goes on reflecting.
+
 Assumes nothing; wrong only at grazing pixels whose interpolated normal sends the ray below their own facet. Costs a new
 hierarchy whenever something moved.
 """
@@ -33,25 +35,24 @@ class Mirrors:
     normals  4 floats per vertex, object space; of no meaning for objects
     turned   the same in world space
     metals   as `optics.metals_of` has them
-    objects  parts from this number on are mirrors
     """
 
     normals: mi.Float
     turned: mi.Float
     metals: mi.Float
-    objects: mi.UInt32
 
 
 @dataclass
 class State:
     """The scene's triangles as one Mitsuba mesh in a hierarchy, and in object and world space for what is hit; `mirrors`
-    only for more than one bounce."""
+    only for more than one bounce. Parts from `objects` on are mirrors."""
 
     scene: Any
     geometry: geometry.Geometry
     world: geometry.Geometry
     surroundings: surroundings.Surroundings
     mirrors: Mirrors | None
+    objects: mi.UInt32
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,8 @@ class RayTraced(Method):
         params.update()
         mirrors = _turned(_mirrors(scene), triangles, poses) if self.bounces > 1 else None
         traced = mi.load_dict({"type": "scene", "triangles": mesh})
-        return State(traced, triangles, world, surroundings.of_scene(scene), mirrors)
+        objects = dr.opaque(mi.UInt32, len(scene.objects))
+        return State(traced, triangles, world, surroundings.of_scene(scene), mirrors, objects)
 
     def update(self, state: State, frame: Frame) -> State:
         params = mi.traverse(state.scene)
@@ -90,7 +92,8 @@ class RayTraced(Method):
         rays = mi.UInt32(frame.active)
         if dr.width(lane) == 0:  # no mirror in view
             empty = dr.zeros(mi.Float, dr.width(frame.active))
-            return Reflection(mi.Color3f(empty), empty, mi.Bool(frame.active), counters={"rays": rays}), state
+            nothing = Reflection(mi.Color3f(empty), empty, mi.Bool(frame.active), counters={"rays": rays}, doubt=mi.Bool(False))
+            return nothing, state
         p, n, v = (dr.gather(type(a), a, lane) for a in (frame.p, frame.n, frame.v))
         r = optics.reflect(v, n)
         ray = _from(p, n, r)
@@ -98,31 +101,33 @@ class RayTraced(Method):
         hit = state.scene.ray_intersect_preliminary(ray, coherent=False)
         L, face, weights = _arriving(state, hit, p, r, True)
         distance = dr.select(hit.is_valid(), hit.t + RAY_EPSILON, dr.inf)
+        ends = hit.is_valid() & (geometry.part_of(face) >= state.objects)
         if state.mirrors is not None:
-            further, count = self._further(state, state.mirrors, ray, hit, face, weights)
+            further, count, ends = self._further(state, state.mirrors, ray, hit, face, weights, ends)
             L += further
             dr.scatter_add(rays, count, lane)
-        x, y, z, length = pixels.spread([L.x, L.y, L.z, distance], frame)
-        return Reflection(mi.Color3f(x, y, z), length, mi.Bool(frame.active), counters={"rays": rays}), state
+        x, y, z, length, doubt = pixels.spread([L.x, L.y, L.z, distance, ends], frame)
+        return Reflection(mi.Color3f(x, y, z), length, mi.Bool(frame.active), counters={"rays": rays}, doubt=doubt), state
 
-    def _further(self, state: State, mirrors: Mirrors, ray, hit, face, weights) -> tuple[mi.Color3f, mi.UInt32]:
-        """What a first reflected ray shows over further mirrors, and how many rays that took."""
+    def _further(self, state: State, mirrors: Mirrors, ray, hit, face, weights, active):
+        """What a first reflected ray shows over further mirrors, how many rays that took, and where the last ends at a mirror.
+
+        active  where the first ray ends at one
+        """
         L, through, count = mi.Color3f(0), mi.Color3f(1), mi.UInt32(0)
-        active = hit.is_valid()
         for _ in range(self.bounces - 1):
             part = geometry.part_of(face)
-            active &= part >= mirrors.objects
             p, v = ray(hit.t), -ray.d
             n = dr.normalize(raster.interpolate(mirrors.turned, face, weights, active).xyz)
             n = dr.select(dr.dot(n, v) < 0, -n, n)
-            through *= optics.reflectance(mirrors.metals, part - mirrors.objects, dr.clip(dr.dot(n, v), 0, 1), active)
+            through *= optics.reflectance(mirrors.metals, part - state.objects, dr.clip(dr.dot(n, v), 0, 1), active)
             ray = _from(p, n, optics.reflect(v, n))
             hit = state.scene.ray_intersect_preliminary(ray, active=active)
             arriving, face, weights = _arriving(state, hit, p, ray.d, active)
             L += dr.select(active, through * arriving, 0)
             count += dr.select(active, mi.UInt32(1), 0)
-            active &= hit.is_valid()
-        return L, count
+            active &= hit.is_valid() & (geometry.part_of(face) >= state.objects)
+        return L, count, active
 
 
 def _from(p: mi.Point3f, n, d: mi.Vector3f) -> mi.Ray3f:
@@ -142,7 +147,7 @@ def _arriving(state: State, hit, p: mi.Point3f, d: mi.Vector3f, active) -> tuple
 
 def _mirrors(scene: Scene) -> Mirrors:
     normals = geometry.of_scene_seen(scene).attributes
-    return Mirrors(normals, normals, optics.metals_of(scene), dr.opaque(mi.UInt32, len(scene.objects)))
+    return Mirrors(normals, normals, optics.metals_of(scene))
 
 
 def _turned(mirrors: Mirrors, triangles: geometry.Geometry, poses: mi.Float) -> Mirrors:

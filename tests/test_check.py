@@ -34,6 +34,8 @@ def test_the_template_keeps_the_contract(tmp_path):
         ("dr.inf, dr.width(L)", "1.0, 7", "fail", "distance has 7 lanes; accepted: 6144"),
         ("found=frame.active", "found=frame.active & False", "fail", "found: 0% of the pixels"),
         ("found=frame.active", "found=frame.active & (wo.z > 0)", "warn", "found: "),
+        ("found=frame.active", "found=frame.active, doubt=frame.reflector", "fail", "doubt is Int; accepted: Bool, or None"),
+        ("found=frame.active", "found=frame.active, doubt=dr.full(mi.Bool, True, 7)", "fail", "doubt has 7 lanes; accepted"),
         ("found=frame.active", "found=frame.reflector", "fail", "found is Int; accepted: Bool"),
         ("wo = 2.0", "COUNT.append(0); state = state * len(COUNT); wo = 2.0", "fail", "two runs of a frame differ"),
         ("(0.5 + 0.5 * wo.z)", "(0.5 + 0.0 * wo.z)", "fail", "another camera gives the same answer"),

@@ -97,8 +97,9 @@ def test_a_run_has_a_row_for_every_severity_and_method_and_a_page(tmp_path):
     found = {row["method"]: row for row in rows}
     assert set(found) == {"environment_map", "ray_traced"}
     assert found["ray_traced"]["verdict"] == "holds" and float(found["ray_traced"]["symptom"]) < 0.05
-    assert found["environment_map"]["verdict"] == "fails" and float(found["environment_map"]["symptom"]) > 0.9
-    assert silent == 1
+    assert found["environment_map"]["verdict"] == "degrades" and float(found["environment_map"]["symptom"]) > 0.9
+    assert float(found["environment_map"]["trusted"]) < 0.2 and 0 < float(found["environment_map"]["doubted"]) < 0.2
+    assert silent == 0
     assert found["environment_map"]["command"] == "benchharness stability --regime contact --severity 0 --only environment_map"
     assert all(row["nonfinite_px"] == "0" for row in rows)
     text = page.read_text()

@@ -7,6 +7,10 @@ Morph (Popescu et al. 2006, 3.2). Where the ground goes on in the environment, i
 it. One environment map, taken from where the panorama was, holds the ground too. A ray that leaves this open box through
 its floor is looked up towards where it does; through its top, by its direction; through a wall, by a blend of the two with
 the height there, so that nothing jumps at the ground's border.
+
+Doubt. A cube map around a mirror's middle shows a ray what lies along its direction from there: as far beside the ray as the
+ray passes by the middle. Where the ray moves by less than half of that from one pixel to the next, that is more than two
+pixels off.
 """
 
 from __future__ import annotations
@@ -37,12 +41,14 @@ class Backdrop:
     infinity    the surroundings
     maps        cube maps, one per mirror, or one for all with `walls`; None: look at infinity
     resolution  texels per edge of a face
+    places      where they were taken, 4 floats per mirror; None with `walls` or without maps
     """
 
     infinity: surroundings.Surroundings
     maps: mi.Float | None
     resolution: int
     walls: Walls | None
+    places: mi.Float | None = None
 
 
 def behind(backdrop: Backdrop, o: mi.Point3f, d: mi.Vector3f) -> tuple[mi.Vector3f, mi.Float]:
@@ -81,3 +87,11 @@ def look_up(backdrop: Backdrop, mirror: mi.UInt32, direction: mi.Vector3f, activ
     value = cubemap.lookup(backdrop.maps, backdrop.resolution, direction, active, first)
     distance = dr.select(value.w > 0, dr.rcp(dr.select(value.w > 0, value.w, 1)), dr.inf)
     return mi.Color3f(value.x, value.y, value.z), distance
+
+
+def beside(backdrop: Backdrop, mirror: mi.UInt32, o: mi.Point3f, d: mi.Vector3f, active) -> mi.Vector3f:
+    """From a ray to the parallel one through the place of its mirror's map, metres; 0 where there is none, or walls."""
+    if backdrop.places is None:
+        return mi.Vector3f(0)
+    x = dr.gather(mi.Vector4f, backdrop.places, mirror, active).xyz - mi.Vector3f(o)
+    return x - dr.dot(x, d) * d

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import backdrop, billboard, optics, relief
+from benchharness.kernels import backdrop, billboard, optics, relief, selfmet
 from benchharness.kernels.frozen import frozen
 
 LEAST_COVERAGE = 0.05  # a texel at an object's border is brightened by no more than its inverse
+FARTHEST = 1e6  # metres: no further is it told how far rays are apart
 RAY_EPSILON = 1e-4  # start of a ray above the surface, relative to the size of its coordinates
 
 
@@ -26,6 +27,8 @@ class Cast:
     planes    billboards of flat parts, and their pictures
     boards    billboards of other parts, which share the table of quads; pictures of those, and of the depth maps
     metals    as `optics.metals_of` has them
+    mirrors   12 floats per mirror: rows that take a point of the world to [-1, 1] across its box; None where mirrors are among
+              what their own rays meet
     """
 
     planes: billboard.Billboards
@@ -35,6 +38,7 @@ class Cast:
     reliefs: relief.Reliefs | None
     backdrop: backdrop.Backdrop
     metals: mi.Float
+    mirrors: mi.Float | None
 
 
 @dataclass
@@ -42,12 +46,10 @@ class Manner:
     """How rays look.
 
     second  mirrors reflect in mirrors; else they are black
-    spread  follow how rays part, for the mip levels
     jump, anchor  see `relief.nearest`
     """
 
     second: bool
-    spread: bool
     jump: float = 0.0
     anchor: str = "mid"
 
@@ -60,6 +62,7 @@ class Answer:
     second    the ray was reflected again
     tests     rays against quads
     work      segments of simplified rows, or texels of depth maps, looked at
+    doubt     what is shown may be wrong
     """
 
     L: mi.Color3f
@@ -67,6 +70,7 @@ class Answer:
     second: mi.Bool
     tests: mi.UInt32
     work: mi.UInt32
+    doubt: mi.Bool
 
 
 @frozen
@@ -79,32 +83,44 @@ def reflected(cast: Cast, view, frame: list, pixel: mi.UInt32, manner: Manner) -
     d = optics.reflect(dr.normalize(view.eye - p), n)
     o = _above(p, mi.Vector3f(n))
     number = mi.UInt32(dr.maximum(mirror, 0))
-    apart = _spread(frame, view, pixel, p, n, d, mirror) if manner.spread else _no_spread()
+    apart, bends = _spread(frame, view, pixel, p, n, d, mirror)
     met, work = _nearest(cast, manner, False, number, o, d, apart, mi.Bool(True))
+    if cast.mirrors is not None:
+        box = [dr.gather(mi.Vector4f, cast.mirrors, number * 3 + k) for k in range(3)]
+        met.missed = dr.minimum(met.missed, selfmet.away(p, n, d, apart.start, bends, box))
 
-    L, distance, far = _shown(cast, number, o, d, met, mi.Bool(True))
+    L, distance, far, off = _shown(cast, number, o, d, met, apart, mi.Bool(True))
 
     other = dr.gather(mi.Float, cast.boards.quads, met.slot * 16 + 3, ~far)
     again = ~far & (other >= 0)
-    tests = met.tests
+    tests, doubt = met.tests, _doubted(met, distance, far) | off
     if manner.second:
-        L2, more, further = _again(cast, manner, met, o, d, mi.UInt32(dr.maximum(other, 0)), apart, again)
+        L2, more, further, beyond = _again(cast, manner, met, o, d, mi.UInt32(dr.maximum(other, 0)), apart, again)
         L, tests, work = dr.select(again, L2, L), tests + more, work + further
+        doubt |= again & beyond
     else:
         L = dr.select(again, 0, L)
-    return Answer(L, distance, again, tests, work)
+        doubt |= again
+    return Answer(L, distance, again, tests, work, doubt)
+
+
+def _doubted(met: billboard.Hit, distance: mi.Float, far: mi.Bool) -> mi.Bool:
+    """Whether what `met` says about a ray that ends after `distance`, behind all impostors where `far`, may be wrong."""
+    return (met.doubt & ~far) | (met.missed < distance)
 
 
 @dr.syntax
-def _shown(cast: Cast, mirror: mi.UInt32, o, d, met: billboard.Hit, active) -> tuple[mi.Color3f, mi.Float, mi.Bool]:
-    """What a ray shows that has met `met`, how far away that is, and whether it lies behind all impostors."""
-    L, distance = mi.Color3f(met.value.xyz), mi.Float(met.t)
+def _shown(cast: Cast, mirror: mi.UInt32, o, d, met: billboard.Hit, apart: billboard.Spread, active):
+    """What a ray shows that has met `met`; how far away that is; whether it is behind all impostors, and there too far off."""
+    L, distance, off = mi.Color3f(met.value.xyz), mi.Float(met.t), mi.Bool(False)
     direction, ground = backdrop.behind(cast.backdrop, o, d)
     far = active & (~(met.t < ground) | (met.t == dr.inf))
     if far:
         L, away = backdrop.look_up(cast.backdrop, mirror, direction, mi.Bool(True))
         distance = dr.select(ground < dr.inf, ground, away)
-    return L, distance, far
+        beside = backdrop.beside(cast.backdrop, mirror, o, d, mi.Bool(True))
+        off = (distance < dr.inf) & (apart.pixels(dr.minimum(distance, FARTHEST), beside) > billboard.OFF_PX)
+    return L, distance, far, off
 
 
 def _nearest(cast: Cast, manner: Manner, objects: bool, mirror, o, d, apart, active) -> tuple[billboard.Hit, mi.UInt32]:
@@ -113,7 +129,8 @@ def _nearest(cast: Cast, manner: Manner, objects: bool, mirror, o, d, apart, act
     for boards, pictures in ((cast.planes, cast.plane_pictures), (cast.boards, cast.pictures)):
         columns = boards.objects if objects else boards.columns
         if columns > 0:
-            met = billboard.nearest(boards, pictures, columns, mirror, o, d, mi.Float(0), apart, active, met)
+            deep = boards is cast.boards
+            met = billboard.nearest(boards, pictures, columns, mirror, o, d, mi.Float(0), apart, active, met, deep)
     reliefs = cast.reliefs
     if reliefs is None:
         return met, mi.UInt32(0)
@@ -124,16 +141,16 @@ def _nearest(cast: Cast, manner: Manner, objects: bool, mirror, o, d, apart, act
     level = billboard.level_of(cast.pictures, a, apart.at(dr.select(closer, deep.t, 0)))
     value = billboard.sample(cast.pictures, deep.slot, deep.x, deep.y, level, closer)
     value *= dr.rcp(dr.maximum(value.w, LEAST_COVERAGE))
-    hit = billboard.Hit(
-        dr.select(closer, deep.t, met.t), dr.select(closer, deep.slot, met.slot), dr.select(closer, value, met.value), met.tests
-    )
+    t, slot = dr.select(closer, deep.t, met.t), dr.select(closer, deep.slot, met.slot)
+    doubt, missed = dr.select(closer, deep.doubt, met.doubt), dr.minimum(met.missed, deep.missed)
+    hit = billboard.Hit(t, slot, dr.select(closer, value, met.value), met.tests, doubt, missed)
     return hit, deep.work
 
 
 @dr.syntax
 def _again(cast: Cast, manner: Manner, met: billboard.Hit, o, d, mirror: mi.UInt32, apart, active):
-    """What a mirror in a picture sends back along a ray that met it; quads tested, and work in depth maps."""
-    L, tests, work = mi.Color3f(0), mi.UInt32(0), mi.UInt32(0)
+    """What a mirror in a picture sends back along a ray that met it; quads tested, work in depth maps, and doubt."""
+    L, tests, work, doubt = mi.Color3f(0), mi.UInt32(0), mi.UInt32(0), mi.Bool(False)
     if active:  # few rays
         a, b, k = (dr.normalize(dr.gather(mi.Vector4f, cast.boards.quads, met.slot * 4 + i).xyz) for i in (1, 2, 3))
         n = met.value.x * a + met.value.y * b + met.value.z * k
@@ -142,26 +159,37 @@ def _again(cast: Cast, manner: Manner, met: billboard.Hit, o, d, mirror: mi.UInt
         out = optics.reflect(-d, mi.Normal3f(n))
         start = _above(o + met.t * d, n)
         found, work = _nearest(cast, manner, True, mirror, start, out, apart, mi.Bool(True))
-        L, _, _ = _shown(cast, mirror, start, out, found, mi.Bool(True))
+        L, distance, far, off = _shown(cast, mirror, start, out, found, apart, mi.Bool(True))
+        doubt = off | _doubted(found, distance, far) | (_third(cast, mirror, start, out) < distance)
         L *= optics.reflectance(cast.metals, mirror, dr.clip(-dr.dot(n, d), 0, 1), mi.Bool(True))
         tests = found.tests
-    return L, tests, work
+    return L, tests, work, doubt
+
+
+def _third(cast: Cast, mirror: mi.UInt32, o, d) -> mi.Float:
+    """From where on a ray from a mirror may meet another one; inf for nowhere."""
+    t = mi.Float(dr.inf)
+    for boards in (cast.planes, cast.boards):
+        if boards.columns > boards.objects:
+            t = dr.minimum(t, billboard.passed(boards, None, mirror, o, d, mi.Bool(True)))
+    reliefs = cast.reliefs
+    if reliefs is not None and reliefs.columns > reliefs.objects:
+        boards = billboard.Billboards(cast.boards.quads, reliefs.lists, reliefs.columns, reliefs.objects)
+        t = dr.minimum(t, billboard.passed(boards, reliefs.slots, mirror, o, d, mi.Bool(True)))
+    return t
 
 
 def _above(p: mi.Point3f, n: mi.Vector3f) -> mi.Point3f:
     return p + n * (RAY_EPSILON * (1 + dr.max(dr.abs(p))))
 
 
-def _no_spread() -> billboard.Spread:
-    return billboard.Spread([mi.Vector3f(0), mi.Vector3f(0)], [mi.Vector3f(0), mi.Vector3f(0)])
-
-
-def _spread(frame: list, view, pixel: mi.UInt32, p, n, d, mirror) -> billboard.Spread:
-    """From the rays of the pixels to the right and below (to the left and above at the picture's end); 0 across borders."""
+def _spread(frame: list, view, pixel: mi.UInt32, p, n, d, mirror) -> tuple[billboard.Spread, list]:
+    """From the rays of the pixels to the right and below (to the left and above at the picture's end); 0 across borders.
+    And how the normal turns to those."""
     width, height = view.width, view.height
     row = pixel // width
     column = pixel - row * width
-    eye, starts, turns = view.eye, [], []
+    eye, starts, turns, bends = view.eye, [], [], []
     for there in (
         dr.select(column == width - 1, pixel - 1, pixel + 1),
         dr.select(row == height - 1, pixel - width, pixel + width),
@@ -171,4 +199,5 @@ def _spread(frame: list, view, pixel: mi.UInt32, p, n, d, mirror) -> billboard.S
         turned = optics.reflect(dr.normalize(eye - q), m) - d
         starts.append(dr.select(same, mi.Vector3f(q - p), 0))
         turns.append(dr.select(same, turned, 0))
-    return billboard.Spread(starts, turns)
+        bends.append(dr.select(same, mi.Vector3f(m - n), 0))
+    return billboard.Spread(starts, turns), bends

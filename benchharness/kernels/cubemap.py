@@ -152,6 +152,16 @@ def lookup_mip(maps: Pyramid, n: int, count: int, d: mi.Vector3f, level: mi.Floa
     return dr.lerp(one, two, level - mi.Float(lower))
 
 
+def texel(maps: Pyramid, n: int, count: int, d: mi.Vector3f, level: mi.Float, active=True) -> mi.Vector4f:
+    """The texel in direction d on the nearest of `count` levels, as wide as what it stands for: one read."""
+    nearest = mi.UInt32(dr.clip(level + 0.5, 0, count - 1))
+    size = mi.UInt32(n) >> nearest
+    face, u, v = face_of(d)
+    column, row = (dr.clip(mi.UInt32((c + 1) * (0.5 * mi.Float(size))), 0, size - 1) for c in (u, v))
+    first = dr.gather(mi.UInt32, maps.starts, nearest, active)
+    return dr.gather(mi.Vector4f, maps.texels, first + (face * (size + 2) + row + 1) * (size + 2) + column + 1, active)
+
+
 def _bilinear(texels: mi.Float, face, u, v, n: mi.UInt32, first: mi.UInt32, active) -> mi.Vector4f:
     x, y = (u + 1) * (0.5 * mi.Float(n)) + 0.5, (v + 1) * (0.5 * mi.Float(n)) + 0.5
     column, row = dr.clip(mi.Int32(x), 0, mi.Int32(n)), dr.clip(mi.Int32(y), 0, mi.Int32(n))

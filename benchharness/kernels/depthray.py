@@ -12,11 +12,15 @@ paper say which.
 
 A hit passes from in front of the surface to behind it. A ray that comes from behind, where the map shows nothing of the object,
 goes through the back unseen; `both_sides` lets it hit there.
+
+Doubt. What lies behind the surface, as the camera sees it, the map does not know: from where a ray first runs there, before
+its hit, something may be missed. Likewise from its start where its row has not all its spans. A hit is doubted where the
+surface has a step: there it may join what stands apart.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import drjit as dr
 import mitsuba as mi
@@ -25,6 +29,8 @@ from benchharness.kernels.depthmap import COVERED, Layout, texel
 
 POINT = 1e-6  # pixels: an image shorter than this has no angle
 FARTHEST = 1e30  # of a clipped ray's parameter
+STEP = 0.05  # of zgl from one sample to the next. Of 256 samples over what is as deep as wide, it is a slope of 86 degrees
+BEHIND = 0.02  # of zgl: a ray less far behind a surface may be before it, for simplified rows are as far off
 
 
 @dataclass
@@ -57,6 +63,8 @@ class Hit:
     """The first hit of every lane: t on its segment and the point (x, y) of the map there, for looking up its texture.
 
     work  segments tested (`meet_rows`) or texels read (`meet_texels`)
+    step    the hit is on a step
+    hidden  t from which something may be missed, before the hit if there is one; inf for nowhere
     """
 
     found: mi.Bool
@@ -64,6 +72,8 @@ class Hit:
     x: mi.Float
     y: mi.Float
     work: mi.UInt32
+    step: mi.Bool = field(default_factory=lambda: mi.Bool(False))
+    hidden: mi.Float = field(default_factory=lambda: mi.Float(dr.inf))
 
 
 def project(cameras: mi.Float, w: int, map: mi.UInt32, o: mi.Point3f, d: mi.Vector3f, s_min=0.0, active=True) -> Segment:
@@ -127,11 +137,15 @@ def row_of(segment: Segment, layout: Layout, anchor: str):
 
 
 @dr.syntax
-def meet_rows(segment: Segment, rows: mi.Float, layout: Layout, anchor: str = "mid", both_sides: bool = False) -> Hit:
-    """Where rays first meet the simplified row that lies nearest to them."""
+def meet_rows(
+    segment: Segment, rows: mi.Float, layout: Layout, anchor: str = "mid", both_sides: bool = False, dropped=None
+) -> Hit:
+    """Where rays first meet the simplified row that lies nearest to them. `dropped`: spans that have no room, per row."""
     row, active, u_a, u_b = row_of(segment, layout, anchor)
     du, dz = u_b - u_a, segment.b.z - segment.a.z
-    u_end = dr.maximum(u_a, u_b)
+    u_start, u_end = dr.minimum(u_a, u_b), dr.maximum(u_a, u_b)
+    onward = du > 0
+    is_step, is_hidden, u_hidden = mi.Bool(False), mi.Bool(False), mi.Float(0)
     t, found = mi.Float(1), mi.Bool(False)
     tests, packet = mi.UInt32(0), mi.UInt32(0)
     u, zgl, is_up = mi.Float(layout.w), mi.Float(2), mi.Bool(True)
@@ -161,13 +175,26 @@ def meet_rows(segment: Segment, rows: mi.Float, layout: Layout, anchor: str = "m
             t = dr.select(hit, dr.minimum(reach / dr.select(hit, size, 1), 1), t)
             found |= hit
             tests += dr.select(is_drawn, 1, 0)
+            is_step = dr.select(hit, dr.abs(zgl_new - z_0) > STEP * (u_1 - u_0), is_step)
+
+            # Behind the segment, amid what the ray and it share. Where u falls along the ray, a hit comes before all so far.
+            low, high = dr.maximum(u_0, u_start), dr.minimum(u_1, u_end)
+            past = 2 * u_1 - low - high, low + high - 2 * u_0
+            past = (side_0 * past[0] + side_1 * past[1]) * dr.sign(du)
+            is_behind = is_drawn & ~hit & (low < high) & (past > 2 * BEHIND * dr.abs(du) * (u_1 - u_0))
+            is_first = is_behind & ~(onward & is_hidden)
+            u_hidden = dr.select(is_first, dr.select(onward, low, high), u_hidden)
+            is_hidden = is_behind | (is_hidden & (onward | ~hit))
 
             # u grows: no later segment is nearer once the ray, or its way to the hit, is over.
             active &= ~is_over & (u_1 <= u_end) & ~(found & (du > 0))
             u, zgl, is_up = u_new, zgl_new, up_new
         packet += 1
+    hidden = dr.select(is_hidden, (u_hidden - u_a) / dr.select(du == 0, 1, du), dr.inf)
+    if dr.hint(dropped is not None, mode="scalar"):
+        hidden = dr.select(dr.gather(mi.UInt32, dropped, row, segment.active) > 0, 0, hidden)
     q = segment.point(t)
-    return Hit(found, t, q.x, q.y, tests)
+    return Hit(found, t, q.x, q.y, tests, is_step, hidden)
 
 
 @dr.syntax
@@ -182,6 +209,7 @@ def meet_texels(segment: Segment, depth: mi.Float, w: int, split_jump: float | N
     t, found = mi.Float(1), mi.Bool(False)
     reads, k, run = mi.UInt32(0), mi.UInt32(0), mi.UInt32(0)
     before, gap_before = mi.Float(2), mi.Float(0)
+    is_step, hidden = mi.Bool(False), mi.Float(dr.inf)
     active = mi.Bool(segment.active)
     while dr.hint(active & (k <= steps + 1), label="walk the texels of a ray"):
         t_k = mi.Float(k) * step
@@ -208,10 +236,12 @@ def meet_texels(segment: Segment, depth: mi.Float, w: int, split_jump: float | N
         start = dr.select(alone & (k > 1), t_k - 1.5 * step, t_k - step)
         length = dr.select(alone, dr.select((k == 1) | ~is_read, 0.5 * step, step), step)
         t = dr.select(found, dr.clip(dr.fma(share, length, start), 0, 1), t)
+        is_step = found & joined & (dr.abs(zgl - before) > STEP)
+        hidden = dr.select(active & covered & ~found & (gap > BEHIND), dr.minimum(hidden, t_k), hidden)
 
         run = dr.select(joined, run + 1, 1)
         before, gap_before = mi.Float(zgl), mi.Float(gap)
         active &= ~found
         k += 1
     q = segment.point(t)
-    return Hit(found, t, q.x, q.y, reads)
+    return Hit(found, t, q.x, q.y, reads, is_step, hidden)

@@ -83,7 +83,8 @@ class Taken:
     texels      with mip levels if wanted
     depths      depth maps, of slots that need one
     rows        simplified, of those
-    dropped     spans that had no room in their rows, of those
+    dropped     spans that had no room in each of their rows, of those
+    spans       all of them together
     poses       per mirror, of the parts that its environment map depends on
     maps        environment maps, per mirror or, with walls, one; none where all surroundings are at infinity
     renewed     which slots the last update has taken
@@ -95,6 +96,7 @@ class Taken:
     depths: list
     rows: list
     dropped: list
+    spans: list
     poses: list
     maps: list
     renewed: list[int]
@@ -111,7 +113,7 @@ def stage(scene, planned: Plan) -> Stage:
 def nothing(planned: Plan) -> Taken:
     """Before anything was taken."""
     slots, mirrors = len(planned.slots), len(planned.enclosing)
-    return Taken(*([None] * slots for _ in range(6)), [None] * mirrors, [None] * mirrors, [])
+    return Taken(*([None] * slots for _ in range(7)), [None] * mirrors, [None] * mirrors, [])
 
 
 def retaken(on: Stage, before: Taken, poses: mi.Float, options: Options) -> Taken:
@@ -138,7 +140,7 @@ def retaken(on: Stage, before: Taken, poses: mi.Float, options: Options) -> Take
             now.depths[number] = depth
             if options.points:
                 rows = _simplified(depth, size, options.rotations, options.points, options.jump)
-                now.rows[number], now.dropped[number] = rows
+                now.rows[number], now.dropped[number], now.spans[number] = rows
         now.renewed.append(number)
     _renew_maps(on, now, world, host, options)
     return now
@@ -183,10 +185,10 @@ def _take(on: Stage, world: geometry.Geometry, slot: Slot, stand: impostor.Stand
 
 
 @frozen
-def _simplified(depth: mi.Float, size: int, rotations: int, points: int, jump: float) -> tuple[mi.Float, mi.UInt32]:
-    """The rows of one depth map, and how many spans of them were dropped."""
+def _simplified(depth: mi.Float, size: int, rotations: int, points: int, jump: float) -> tuple[mi.Float, mi.UInt32, mi.UInt32]:
+    """The rows of one depth map, how many spans were dropped of each, and of all."""
     rows, dropped = depthrows.build(depth, depthmap.Layout(1, size, rotations, points), jump)
-    return rows, dr.sum(dropped)
+    return rows, dropped, dr.sum(dropped)
 
 
 def _renew_maps(on: Stage, now: Taken, world: geometry.Geometry, poses: np.ndarray, options: Options) -> None:
@@ -201,7 +203,7 @@ def _renew_maps(on: Stage, now: Taken, world: geometry.Geometry, poses: np.ndarr
         depends = poses[sorted(inside) if shared else [*sorted(inside), own]]
         if now.poses[mirror] is not None and (now.poses[mirror] == depends).all():
             continue
-        centre = on.centre if shared else poses[own, :, :3] @ planned.shapes[own].centroid + poses[own, :, 3]
+        centre = on.centre if shared else _centre(planned, own, poses)
         place, near = mi.Point3f(*map(float, centre)), mi.Float(NEAR)
         shown = mi.UInt32([int(part in inside) for part in range(len(planned.shapes))])
         dr.make_opaque(place, near)
@@ -210,6 +212,18 @@ def _renew_maps(on: Stage, now: Taken, world: geometry.Geometry, poses: np.ndarr
         wanted = dr.gather(mi.UInt32, shown, owner) == 1
         now.maps[mirror] = cubemap.capture(world, wanted, place, options.resolution, near, on.infinity)
         now.poses[mirror] = depends
+
+
+def _centre(planned: Plan, part: int, poses: np.ndarray) -> np.ndarray:
+    return poses[part, :, :3] @ planned.shapes[part].centroid + poses[part, :, 3]
+
+
+def _places(planned: Plan, poses: np.ndarray) -> mi.Float | None:
+    """Of the mirrors' environment maps, as `backdrop.Backdrop` has them."""
+    if planned.ground is not None or not any(planned.enclosing):
+        return None
+    mirrors = range(planned.objects, len(planned.shapes))
+    return mi.Float(np.array([[*_centre(planned, m, poses), 0] for m in mirrors], np.float32).ravel())
 
 
 def cast(on: Stage, taken: Taken, poses: mi.Float, options: Options, before: bounces.Cast | None) -> bounces.Cast:
@@ -223,8 +237,10 @@ def cast(on: Stage, taken: Taken, poses: mi.Float, options: Options, before: bou
     for number, slot in enumerate(planned.slots):
         stand = taken.stands[number].moved(host[slot.part])
         quads[number, 0] = [*stand.centre, slot.part - planned.objects if slot.part >= planned.objects else -1]
-        quads[number, 1, :3], quads[number, 2, :3] = stand.a / stand.half[0], stand.b / stand.half[1]
-        quads[number, 3, :3] = stand.k
+        deep = planned.shapes[slot.part].plane is None
+        quads[number, 1] = [*(stand.a / stand.half[0]), deep * (stand.distance - stand.near)]
+        quads[number, 2] = [*(stand.b / stand.half[1]), deep * (stand.far - stand.distance)]
+        quads[number, 3] = [*stand.k, deep * planned.shapes[slot.part].radius]
     flat, table = planned.plane_slots, mi.Float(quads.ravel())
     plane_texels = _together(taken, range(flat), None if before is None else before.plane_pictures)
     texels = _together(taken, range(flat, len(planned.slots)), None if before is None else before.pictures)
@@ -234,8 +250,11 @@ def cast(on: Stage, taken: Taken, poses: mi.Float, options: Options, before: bou
         billboard.Billboards(table, *_lists(planned.quads)),
         billboard.Pictures(texels, options.size, options.mip, flat),
         _reliefs(on, taken, host, options, None if before is None else before.reliefs),
-        backdrop.Backdrop(on.infinity, _joined_maps(taken), options.resolution, _walls(on, host, options)),
+        backdrop.Backdrop(
+            on.infinity, _joined_maps(taken), options.resolution, _walls(on, host, options), _places(planned, host)
+        ),
         on.metals,
+        None if any(slot.part == slot.owner(planned.objects) for slot in planned.slots) else _boxes(planned, host),
     )
 
 
@@ -262,13 +281,26 @@ def _reliefs(
         cameras += impostor.camera(taken.stands[number].moved(poses[slot.part]), options.size, start)
     if before is None or set(taken.renewed) & set(deep):
         depth = dr.concat([taken.depths[number] for number in deep])
-        rows = dr.concat([taken.rows[number] for number in deep]) if options.points else None
+        rows, dropped = (
+            dr.concat([of[number] for number in deep]) if options.points else None for of in (taken.rows, taken.dropped)
+        )
     else:
-        depth, rows = before.depth, before.rows
+        depth, rows, dropped = before.depth, before.rows, before.dropped
+    parts = mi.UInt32([planned.slots[number].part for number in deep])
     numbers = {number: k for k, number in enumerate(deep)}
     shown = [([numbers[i] for i in objects], [numbers[i] for i in mirrors]) for objects, mirrors in planned.maps]
     layout = depthmap.Layout(len(deep), options.size, max(options.rotations, 1), max(options.points, 2))
-    return relief.Reliefs(depth, rows, mi.Float(cameras), mi.UInt32(deep), *_lists(shown), layout)
+    return relief.Reliefs(depth, rows, dropped, mi.Float(cameras), mi.UInt32(deep), parts, *_lists(shown), layout)
+
+
+def _boxes(planned: Plan, poses: np.ndarray) -> mi.Float:
+    """Of all mirrors, as `bounces.Cast.mirrors` has them."""
+    rows = []
+    for shape, pose in zip(planned.shapes[planned.objects :], poses[planned.objects :], strict=True):
+        half = np.maximum(0.5 * (shape.high - shape.low), STILL * shape.radius)
+        turn = pose[:, :3].T / half[:, None]
+        rows.append(np.column_stack([turn, -turn @ pose[:, 3] - 0.5 * (shape.low + shape.high) / half]))
+    return mi.Float(np.stack(rows).astype(np.float32).ravel())
 
 
 def _lists(shown: list[Listed]) -> tuple[mi.UInt32, int, int]:
@@ -329,6 +361,7 @@ class Shown:
     distance: mi.Float
     counters: dict[str, mi.UInt32]
     state: State
+    doubt: mi.Bool
 
 
 def shown(state: State, frame, manner: bounces.Manner, attenuation: float) -> Shown:
@@ -342,13 +375,13 @@ def shown(state: State, frame, manner: bounces.Manner, attenuation: float) -> Sh
     taken = state.taken
     after = replace(state, taken=replace(taken, renewed=[]))
     renewed = dr.opaque(mi.UInt32, len(taken.renewed))
-    spans = [taken.dropped[number] for number in taken.renewed if taken.dropped[number] is not None]
+    spans = [taken.spans[number] for number in taken.renewed if taken.spans[number] is not None]
     counters = {"pictures_taken": renewed, "spans_dropped": dr.concat(spans) if spans else mi.UInt32(0)}
     if dr.width(frame.pixels) == 0:  # no mirror in view
         empty = dr.zeros(mi.Float, dr.width(frame.active))
-        return Shown(mi.Color3f(empty), empty, counters, after)
+        return Shown(mi.Color3f(empty), empty, counters, after, mi.Bool(False))
     answer = bounces.reflected(state.cast, frame.view, [frame.p, frame.n, frame.reflector], frame.pixels, manner)
     L = answer.L * dr.exp(-attenuation * answer.distance) if attenuation > 0 else answer.L
-    x, y, z, distance = pixels.spread([L.x, L.y, L.z, answer.distance], frame)
+    x, y, z, distance, doubt = pixels.spread([L.x, L.y, L.z, answer.distance, answer.doubt], frame)
     counters |= {"quad_tests": answer.tests, "depth_steps": answer.work, "second_order": mi.UInt32(answer.second)}
-    return Shown(mi.Color3f(x, y, z), distance, counters, after)
+    return Shown(mi.Color3f(x, y, z), distance, counters, after, doubt)
