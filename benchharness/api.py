@@ -70,6 +70,7 @@ class Frame:
     surfaces     per reflector, as it is seen (open)
     proxies      per reflector, its closed stand-in, or the same as the surface
     boxes        per reflector, left, top, right, bottom: no pixel outside can show its proxy; may reach beyond the picture
+    doubts       whether `Reflection.doubt` is wanted; never while time is taken
     """
 
     index: int
@@ -86,6 +87,7 @@ class Frame:
     surfaces: list[Surface]
     proxies: list[Surface]
     boxes: list[tuple[int, int, int, int]]
+    doubts: bool = False
 
 
 @dataclass
@@ -119,7 +121,7 @@ class Reflection:
     vertices  for vertex-driven methods
     counters  name -> one integer array, summed by the harness: deterministic work of this frame
     doubt     True where the method has an answer and knows that it may show the wrong thing, or the right one more than
-              two pixels off; None from a method that never knows
+              two pixels off; None from a method that never knows, and where `Frame.doubts` is False
     """
 
     L: mi.Color3f

@@ -151,6 +151,7 @@ class _Answer:
 
         self.broken: str | None = None
         self.lanes = frame.view.width * frame.view.height
+        frame = dataclasses.replace(frame, doubts=True)
         try:
             state = method.prepare(scene)
             state = method.update(state, frame)

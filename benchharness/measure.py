@@ -10,7 +10,7 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -92,6 +92,7 @@ class Bench:
     def show(self, index: int, name: str, method: Method) -> tuple[dict, Seen | None]:
         """What a method shows of one frame: the measured columns but for the clocks, and the pictures; None if it crashed."""
         frames, references = self._frames(index)
+        frames = [replace(frame, doubts=True) for frame in frames]
         entry = _Entry(method)
         with self._guarded(name, entry, lambda entry: None):
             self._run_up(entry, frames)
@@ -340,9 +341,9 @@ def run_up(index: int, frames: int) -> list[int]:
 
 
 def _timed_part(shaded: tuple[Reflection, Any]) -> tuple:
-    """What a frame needs of `shade`: the picture, the doubts, and the state that the next frame starts from."""
+    """What a frame needs of `shade`: the picture and the state that the next frame starts from."""
     reflection, state = shaded
-    return reflection.L, reflection.distance, reflection.found, reflection.doubt, state
+    return reflection.L, reflection.distance, reflection.found, state
 
 
 def _samples(entries: dict[str, _Entry], common: dict[str, list[float]]) -> Iterator[dict]:

@@ -95,8 +95,8 @@ class DepthImpostor(Method):
         return imagewise.updated(state, frame.poses, options)
 
     def shade(self, state: imagewise.State, frame: Frame) -> tuple[Reflection, imagewise.State]:
-        manner = bounces.Manner(self.others == "reflective", self.split_jump, self.anchor)
+        manner = bounces.Manner(self.others == "reflective", frame.doubts, self.split_jump, self.anchor)
         shown = imagewise.shown(state, frame, manner, self.attenuation)
         return Reflection(
-            shown.L, shown.distance, mi.Bool(frame.active), counters=shown.counters, doubt=shown.doubt
+            shown.L, shown.distance, mi.Bool(frame.active), counters=shown.counters, doubt=shown.doubt if frame.doubts else None
         ), shown.state

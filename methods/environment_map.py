@@ -107,8 +107,10 @@ class EnvironmentMap(Method):
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         pixels = [frame.p, frame.n, frame.reflector, frame.active]
-        L, distance, doubt = _look_up(state.maps, state.places, state.boxes, frame.view, pixels, self.resolution, self.mip)
-        return Reflection(L, distance, mi.Bool(frame.active), doubt=doubt), state
+        L, distance, doubt = _look_up(
+            state.maps, state.places, state.boxes, frame.view, pixels, self.resolution, self.mip, frame.doubts
+        )
+        return Reflection(L, distance, mi.Bool(frame.active), doubt=doubt if frame.doubts else None), state
 
 
 def _placed(poses: mi.Float, part: mi.UInt32, centre: mi.Point3f, half: mi.Vector3f) -> tuple[mi.Point3f, list[mi.Vector4f]]:
@@ -127,8 +129,8 @@ def _capture(triangles: geometry.Geometry, part, place: mi.Point3f, near, around
 
 
 @frozen
-def _look_up(maps: list, places: list, boxes: list, view, pixels: list, resolution: int, mip: bool):
-    """Radiance, distance and doubt of every pixel, from the map of its reflector. `pixels`: p, n, reflector, active."""
+def _look_up(maps: list, places: list, boxes: list, view, pixels: list, resolution: int, mip: bool, doubts: bool):
+    """Radiance, distance, and doubt if asked for, from the map of each pixel's reflector. `pixels`: p, n, reflector, active."""
     p, n, reflector, active = pixels
     eye = view.eye
     r = optics.reflect(dr.normalize(eye - p), n)
@@ -139,10 +141,12 @@ def _look_up(maps: list, places: list, boxes: list, view, pixels: list, resoluti
     for i, (pyramid, place, box) in enumerate(zip(maps, places, boxes, strict=True)):
         own = active & (reflector == i)
         value = dr.select(own, cubemap.lookup_mip(pyramid, resolution, count, r, level, own), value)
+        if not doubts:
+            continue
         x = mi.Vector3f(p - place)
         doubt |= _misplaced(pyramid, resolution, count, x, r, value.w, OFF_PX * turn, own)
         doubt |= own & (value.w * selfmet.away(p, n, r, steps, bends, box, own) < 1)
-    if len(maps) > 1:
+    if doubts and len(maps) > 1:
         doubt |= active & (value.w > 0) & (dr.max(value.xyz) <= 0)
     distance = dr.select(active & (value.w <= 0), dr.inf, dr.rcp(dr.select(active, value.w, 1)))
     return mi.Color3f(value.x, value.y, value.z), dr.select(active, distance, 0), doubt

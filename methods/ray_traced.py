@@ -92,7 +92,7 @@ class RayTraced(Method):
         rays = mi.UInt32(frame.active)
         if dr.width(lane) == 0:  # no mirror in view
             empty = dr.zeros(mi.Float, dr.width(frame.active))
-            nothing = Reflection(mi.Color3f(empty), empty, mi.Bool(frame.active), counters={"rays": rays}, doubt=mi.Bool(False))
+            nothing = Reflection(mi.Color3f(empty), empty, mi.Bool(frame.active), counters={"rays": rays})
             return nothing, state
         p, n, v = (dr.gather(type(a), a, lane) for a in (frame.p, frame.n, frame.v))
         r = optics.reflect(v, n)
@@ -107,7 +107,9 @@ class RayTraced(Method):
             L += further
             dr.scatter_add(rays, count, lane)
         x, y, z, length, doubt = pixels.spread([L.x, L.y, L.z, distance, ends], frame)
-        return Reflection(mi.Color3f(x, y, z), length, mi.Bool(frame.active), counters={"rays": rays}, doubt=doubt), state
+        return Reflection(
+            mi.Color3f(x, y, z), length, mi.Bool(frame.active), counters={"rays": rays}, doubt=doubt if frame.doubts else None
+        ), state
 
     def _further(self, state: State, mirrors: Mirrors, ray, hit, face, weights, active):
         """What a first reflected ray shows over further mirrors, how many rays that took, and where the last ends at a mirror.

@@ -114,12 +114,14 @@ class Answer:
         return all(a.tobytes() == b.tobytes() for a, b in pairs)
 
 
-def shaded(method, scene: Scene, *indices: int, size=SIZE, renderer: FrameRenderer | None = None) -> list[Answer]:
-    """The method's answers to frames in order, from a fresh state; updated where something moved."""
+def shaded(
+    method, scene: Scene, *indices: int, size=SIZE, renderer: FrameRenderer | None = None, doubts: bool = True
+) -> list[Answer]:
+    """The method's answers to frames in order, from a fresh state; updated where something moved. `doubts`: asked for."""
     renderer = renderer or FrameRenderer(scene, *size)
     state, answers, last = method.prepare(scene), [], None
     for index in indices:
-        frame = renderer.render(index)
+        frame = replace(renderer.render(index), doubts=doubts)
         if last is None or scene.moves(last, frame.time):
             state = method.update(state, frame)
         reflection, state = method.shade(state, frame)

@@ -92,9 +92,26 @@ def test_doubt_has_a_lane_for_each_pixel_or_one_for_all_and_none_is_needed_witho
     shown, gone = mirror_room(), mirror_room(camera=still((0.2, -1.7, 0.25), (0.2, -3.0, 0.25)))
     for scene, some in ((shown, True), (gone, False)):
         (answer,) = shaded(method, scene, 0)
-        assert isinstance(answer.reflection.doubt, mi.Bool)
-        assert dr.width(answer.reflection.doubt) in (1, SIZE[0] * SIZE[1])
+        assert (
+            isinstance(answer.reflection.doubt, mi.Bool) and dr.width(answer.reflection.doubt) in (1, SIZE[0] * SIZE[1])
+        ) or not some
         assert answer.active.any() == some
+
+
+@pytest.mark.parametrize("method", [EnvironmentMap(), BillboardImpostor(), DepthImpostor()])
+def test_doubt_is_there_if_asked_for_and_costs_nothing_and_changes_nothing_if_not(method):
+    scene, operations, answers = mirror_room(), [], []
+    for doubts in (True, False):
+        shaded(method, scene, 0, doubts=doubts)
+        with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+            dr.kernel_history_clear()
+            answers += shaded(method, scene, 0, doubts=doubts)
+            history = dr.kernel_history([dr.KernelType.JIT])
+        operations.append(sum(kernel["operation_count"] for kernel in history))
+    asked, plain = answers
+    assert asked.reflection.doubt is not None and plain.reflection.doubt is None
+    assert asked.same(plain)
+    assert operations[1] < operations[0]
 
 
 def test_what_billboards_show_does_not_depend_on_what_is_doubted():

@@ -46,10 +46,12 @@ class Manner:
     """How rays look.
 
     second  mirrors reflect in mirrors; else they are black
+    doubts  whether they say where what is shown may be wrong
     jump, anchor  see `relief.nearest`
     """
 
     second: bool
+    doubts: bool = False
     jump: float = 0.0
     anchor: str = "mid"
 
@@ -62,7 +64,7 @@ class Answer:
     second    the ray was reflected again
     tests     rays against quads
     work      segments of simplified rows, or texels of depth maps, looked at
-    doubt     what is shown may be wrong
+    doubt     what is shown may be wrong; never, if `Manner.doubts` is False
     """
 
     L: mi.Color3f
@@ -85,11 +87,11 @@ def reflected(cast: Cast, view, frame: list, pixel: mi.UInt32, manner: Manner) -
     number = mi.UInt32(dr.maximum(mirror, 0))
     apart, bends = _spread(frame, view, pixel, p, n, d, mirror)
     met, work = _nearest(cast, manner, False, number, o, d, apart, mi.Bool(True))
-    if cast.mirrors is not None:
+    if manner.doubts and cast.mirrors is not None:
         box = [dr.gather(mi.Vector4f, cast.mirrors, number * 3 + k) for k in range(3)]
         met.missed = dr.minimum(met.missed, selfmet.away(p, n, d, apart.start, bends, box))
 
-    L, distance, far, off = _shown(cast, number, o, d, met, apart, mi.Bool(True))
+    L, distance, far, off = _shown(cast, manner, number, o, d, met, apart, mi.Bool(True))
 
     other = dr.gather(mi.Float, cast.boards.quads, met.slot * 16 + 3, ~far)
     again = ~far & (other >= 0)
@@ -101,7 +103,7 @@ def reflected(cast: Cast, view, frame: list, pixel: mi.UInt32, manner: Manner) -
     else:
         L = dr.select(again, 0, L)
         doubt |= again
-    return Answer(L, distance, again, tests, work, doubt)
+    return Answer(L, distance, again, tests, work, doubt if manner.doubts else mi.Bool(False))
 
 
 def _doubted(met: billboard.Hit, distance: mi.Float, far: mi.Bool) -> mi.Bool:
@@ -110,7 +112,7 @@ def _doubted(met: billboard.Hit, distance: mi.Float, far: mi.Bool) -> mi.Bool:
 
 
 @dr.syntax
-def _shown(cast: Cast, mirror: mi.UInt32, o, d, met: billboard.Hit, apart: billboard.Spread, active):
+def _shown(cast: Cast, manner: Manner, mirror: mi.UInt32, o, d, met: billboard.Hit, apart: billboard.Spread, active):
     """What a ray shows that has met `met`; how far away that is; whether it is behind all impostors, and there too far off."""
     L, distance, off = mi.Color3f(met.value.xyz), mi.Float(met.t), mi.Bool(False)
     direction, ground = backdrop.behind(cast.backdrop, o, d)
@@ -118,8 +120,9 @@ def _shown(cast: Cast, mirror: mi.UInt32, o, d, met: billboard.Hit, apart: billb
     if far:
         L, away = backdrop.look_up(cast.backdrop, mirror, direction, mi.Bool(True))
         distance = dr.select(ground < dr.inf, ground, away)
-        beside = backdrop.beside(cast.backdrop, mirror, o, d, mi.Bool(True))
-        off = (distance < dr.inf) & (apart.pixels(dr.minimum(distance, FARTHEST), beside) > billboard.OFF_PX)
+        if dr.hint(manner.doubts, mode="scalar"):
+            beside = backdrop.beside(cast.backdrop, mirror, o, d, mi.Bool(True))
+            off = (distance < dr.inf) & (apart.pixels(dr.minimum(distance, FARTHEST), beside) > billboard.OFF_PX)
     return L, distance, far, off
 
 
@@ -129,7 +132,7 @@ def _nearest(cast: Cast, manner: Manner, objects: bool, mirror, o, d, apart, act
     for boards, pictures in ((cast.planes, cast.plane_pictures), (cast.boards, cast.pictures)):
         columns = boards.objects if objects else boards.columns
         if columns > 0:
-            deep = boards is cast.boards
+            deep = manner.doubts and boards is cast.boards
             met = billboard.nearest(boards, pictures, columns, mirror, o, d, mi.Float(0), apart, active, met, deep)
     reliefs = cast.reliefs
     if reliefs is None:
@@ -159,8 +162,9 @@ def _again(cast: Cast, manner: Manner, met: billboard.Hit, o, d, mirror: mi.UInt
         out = optics.reflect(-d, mi.Normal3f(n))
         start = _above(o + met.t * d, n)
         found, work = _nearest(cast, manner, True, mirror, start, out, apart, mi.Bool(True))
-        L, distance, far, off = _shown(cast, mirror, start, out, found, apart, mi.Bool(True))
-        doubt = off | _doubted(found, distance, far) | (_third(cast, mirror, start, out) < distance)
+        L, distance, far, off = _shown(cast, manner, mirror, start, out, found, apart, mi.Bool(True))
+        if dr.hint(manner.doubts, mode="scalar"):
+            doubt = off | _doubted(found, distance, far) | (_third(cast, mirror, start, out) < distance)
         L *= optics.reflectance(cast.metals, mirror, dr.clip(-dr.dot(n, d), 0, 1), mi.Bool(True))
         tests = found.tests
     return L, tests, work, doubt
