@@ -11,7 +11,7 @@ import pytest
 
 from benchharness import results, stability
 from benchharness.regime import miss
-from benchharness.stability import atlas
+from benchharness.stability import atlas, children, plan
 from scenes import stress
 
 REGIMES = atlas.regimes()
@@ -88,9 +88,8 @@ def test_every_entry_of_the_catalogue_is_shown_by_regimes_or_tested_elsewhere_or
 
 
 def test_a_run_has_a_row_for_every_severity_and_method_and_a_page(tmp_path):
-    silent, page = stability.run(
-        tmp_path / "run", only=["environment_map", "ray_traced"], regime=["contact"], severity=0.0, tell=lambda line: None
-    )
+    wanted = stability.Wanted(only=["environment_map", "ray_traced"], regimes=["contact"], severity=0.0)
+    silent, page = stability.run(tmp_path / "run", wanted=wanted, tell=lambda line: None)
     with open(tmp_path / "run" / "stability.csv", newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert list(rows[0]) == atlas.COLUMNS
@@ -110,9 +109,68 @@ def test_a_run_has_a_row_for_every_severity_and_method_and_a_page(tmp_path):
 def test_bad_input_is_refused_with_what_would_be_accepted(tmp_path):
     for options, message in [
         ({"only": ["ray_trced"]}, "did you mean 'ray_traced'"),
-        ({"regime": ["contct"]}, "did you mean 'contact'"),
-        ({"regime": ["contact"], "severity": 7.0}, "accepted for contact: 2, 1"),
+        ({"regimes": ["contct"]}, "did you mean 'contact'"),
+        ({"regimes": ["contact"], "severity": 7.0}, "accepted for contact: 2, 1"),
+        ({"studies": ["atlsa"]}, "did you mean 'atlas'"),
+        ({"scenes": ["kitchn"]}, "did you mean 'kitchen'"),
     ]:
         with pytest.raises(ValueError, match=message):
-            stability.run(tmp_path / "bad", **options)
+            stability.run(tmp_path / "bad", wanted=stability.Wanted(**options))
     assert not (tmp_path / "bad").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[atlass]", "did you mean 'atlas'"),
+        ("[motion]\nframes = 2", r"\[motion\].frames is 2; accepted"),
+        ('[atlas]\nregimes = ["contct"]', "did you mean 'contact'"),
+        ("[methods.newton]\nmulti = 0", "multi is 0"),
+        ('[motion]\nkinds = ["stedy"]', "kinds is"),
+    ],
+)
+def test_a_wrong_plan_is_refused_before_any_work(tmp_path, text, message):
+    (tmp_path / "plan.toml").write_text(text)
+    with pytest.raises(ValueError, match=message):
+        stability.run(tmp_path / "bad", tmp_path / "plan.toml")
+    assert not (tmp_path / "bad").exists()
+
+
+def test_a_plan_adds_settings_to_what_is_installed(tmp_path):
+    (tmp_path / "plan.toml").write_text("[methods.newton]\nmulti = 3\nmax_iter = [20, 60]")
+    labels = [plan.label(entry) for entry in plan.load(tmp_path / "plan.toml").entries]
+    assert {"newton", "newton max_iter=20; multi=3", "newton multi=3", "ray_traced"} <= set(labels)
+    only = plan.load(tmp_path / "plan.toml", only=["newton multi=3", "ray_traced"])
+    assert [plan.label(entry) for entry in only.entries] == ["ray_traced", "newton multi=3"]
+
+
+BROKEN = """
+import os, time
+from dataclasses import dataclass
+from benchharness.api import Method
+
+@dataclass(frozen=True)
+class Broken(Method):
+    paper = "none"
+
+    def prepare(self, scene):
+        {what}
+
+    def shade(self, state, frame):
+        raise NotImplementedError
+"""
+
+
+@pytest.mark.parametrize(
+    ("what", "timeout_s", "status", "reason"),
+    [("os.abort()", 600.0, "crashed", "SIGABRT"), ("time.sleep(600)", 20.0, "timeout", "no answer for 20 s")],
+)
+def test_what_ends_or_hangs_a_process_costs_its_own_rows_only(tmp_path, what, timeout_s, status, reason):
+    (tmp_path / "broken.py").write_text(BROKEN.format(what=what))
+    entries = plan.load(None, [str(tmp_path / "broken.py")], ["broken", "ray_traced"]).entries
+    groups = atlas.units([*entries[::-1]], ["contact"], 1.0)
+    ((name, done),) = children.run("atlas", groups, tmp_path, timeout_s=timeout_s)
+    records = {unit["entry"]["method"]: record for unit, record in done}
+    assert name == "contact" and records["broken"]["status"] == status and reason in records["broken"]["reason"]
+    assert records["ray_traced"]["status"] == "ok"
+    assert atlas.row(*done[0])["verdict"] == "fails"

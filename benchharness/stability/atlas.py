@@ -139,7 +139,8 @@ def row(unit: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:
         "regime": regime.name, "title": regime.title, "entry": regime.entry,
         "severity": unit["severity"], "severity_name": regime.severity,
         "method": entry.method, "setting": plan.setting(entry), "params": entry.params_text,
-        "verdict": judged, "why": why, "symptom_name": regime.symptom, "bound": regime.bound, "command": command,
+        "verdict": judged, "why": why, "limit": entry.cls().limits.get(regime.entry) if judged == "fails" else None,
+        "symptom_name": regime.symptom, "bound": regime.bound, "command": command,
     }  # fmt: skip
 
 

@@ -22,13 +22,13 @@ The regimes that show it, or where else it is tested, or why no method here can 
     F-17 flicker                       flicker of texels
     F-18 telephoto                     plateaus of single precision
     F-19 basin, cut, jump              starts that are out of date
-    F-20 concave                       several images in a concave mirror
+    F-20 concave, zones                several images in a concave mirror
     F-21 concave, focal                the focus, where magnification has no bound
     F-22 bowl                          second bounce in a bowl
     F-23 torus                         mirror that is not star-shaped
     F-24 pole                          poles of a parametrisation
-    F-25 torus                         convex in one direction, concave in the other
-    F-26 lobes                         mirror that stands before itself
+    F-25 bumps, torus                  convex in one direction, concave in the other
+    F-26 bumps, lobes                  mirror that stands before itself
     F-27 sheet                         sheet without a back
     F-28 tests/test_virtual_depth.py   the wrong depth compared with the mirror's back
     F-29 contact                       contact
