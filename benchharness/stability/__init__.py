@@ -92,7 +92,7 @@ def _study(name: str, groups: dict[str, list[dict]], out: Path, images: Path, te
 
     study = importlib.import_module(f"benchharness.stability.{name}")
     rows, frames = [], []
-    for group, done in children.run(name, groups, images):
+    for group, done in children.run(name, groups, images, apiece=study.APIECE):
         fresh = [study.row(unit, record) for unit, record in done]
         rows += fresh
         tables.write(out / study.FILE, rows, study.COLUMNS)

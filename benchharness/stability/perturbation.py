@@ -30,6 +30,7 @@ from benchharness.scene import Scene
 from benchharness.stability import altered, atlas, plan
 
 FILE = "perturbation.csv"
+APIECE = 2  # groups that share a process
 COLUMNS = (
     "scene severity kind size method setting params verdict why change reference_change amplification changed_px coverage "
     "converged_ratio reflector_px status reason command"
