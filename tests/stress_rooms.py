@@ -40,8 +40,8 @@ def any_motion(seed: int = 0) -> np.ndarray:
 
 
 def carried(scene: Scene, pose: np.ndarray) -> Scene:
-    """Camera, objects and mirrors, all moved by a rigid motion. For scenes whose surroundings are one colour."""
-    assert scene.environment is None and not scene.lights
+    """Camera, objects, mirrors and lights, all moved by a rigid motion. A panorama stays: it is made of texels."""
+    assert scene.environment is None
 
     def moved(part):
         more = {} if part.motion is None else {"motion": lambda time: pose @ part.motion(time) @ np.linalg.inv(pose)}
@@ -54,8 +54,9 @@ def carried(scene: Scene, pose: np.ndarray) -> Scene:
         eye, target = (pose[:3, :3] @ p + pose[:3, 3] for p in (old.eye, old.target))
         return Camera(tuple(eye), tuple(target), old.fov_deg, tuple(pose[:3, :3] @ old.up))
 
+    lights = tuple(replace(l, position=tuple(pose[:3, :3] @ l.position + pose[:3, 3])) for l in scene.lights)
     objects, reflectors = (tuple(moved(part) for part in parts) for parts in (scene.objects, scene.reflectors))
-    return replace(scene, objects=objects, reflectors=reflectors, camera=camera)
+    return replace(scene, objects=objects, reflectors=reflectors, camera=camera, lights=lights)
 
 
 VARIANTS: dict[str, Callable[[Scene], Scene]] = {
@@ -105,7 +106,7 @@ def shown(method: str, regime: str, severity: float, variant: str = "as it is", 
     answer = shaded(asked, scene, *run_up(REGIMES[regime][0].frame, scene.frames), size=SIZE, renderer=renderer)[-1]
     vertices = None
     if answer.reflection.vertices is not None:
-        arrays = {name: np.array(value).T for name, value in vars(answer.reflection.vertices).items()}
+        arrays = {name: np.array(value).T for name, value in vars(answer.reflection.vertices).items() if name != "further"}
         shape = (len(scene.reflectors), scene.vertices)
         vertices = {name: a.reshape(*shape, *a.shape[1:]) for name, a in arrays.items()}
     return Shown(answer.L, answer.distance, answer.found, answer.active, vertices)

@@ -10,6 +10,7 @@ import pytest
 import study
 
 from benchharness import config, identity
+from benchharness.stability import plan
 
 GOOD = """
 [run]
@@ -230,5 +231,8 @@ CONFIGS = sorted((Path(__file__).parent.parent / "configs").glob("*.toml"))
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
 def test_a_config_that_comes_with_it_is_valid_and_says_what_it_is_about(path):
-    assert config.load(path).jobs
+    if path.stem == "stability":
+        assert plan.load(path).studies
+    else:
+        assert config.load(path).jobs
     assert path.read_text().startswith("# ")

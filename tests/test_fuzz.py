@@ -59,7 +59,7 @@ def asked(name: str, made) -> dict[str, np.ndarray]:
     """What a method reports of the vertices of the first object."""
     reported = shaded(METHODS[name](), made, 0, size=SIZE)[0].reflection.vertices
     count = len(made.objects[0].mesh.vertices)
-    return {key: np.array(value).T[:count] for key, value in vars(reported).items()}
+    return {key: np.array(value).T[:count] for key, value in vars(reported).items() if key != "further"}
 
 
 @functools.cache

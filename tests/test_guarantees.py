@@ -116,9 +116,11 @@ def test_numbered_otherwise_everything_is_the_same_but_for_rounding(method, regi
 @regimes
 def test_turned_and_moved_everything_is_the_same(method, regime):
     severity, answer = both(method, regime)[-1]
+    scene = prepared(regime, severity)[0]
+    if scene.environment is not None:
+        pytest.skip("a panorama's texels do not turn")
     other = shown(method, regime, severity, "carried")
     assert other is not None
-    scene = prepared(regime, severity)[0]
     if answer.vertices is None or all(convex(scene, i) for i in range(len(scene.reflectors))):
         alike(answer, other)
     if answer.vertices is not None and other.vertices is not None:

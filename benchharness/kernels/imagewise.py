@@ -295,12 +295,12 @@ def _reliefs(
 
 def _boxes(planned: Plan, poses: np.ndarray) -> mi.Float:
     """Of all mirrors, as `bounces.Cast.mirrors` has them."""
-    rows = []
+    rows = [np.zeros((0, 4))]
     for shape, pose in zip(planned.shapes[planned.objects :], poses[planned.objects :], strict=True):
         half = np.maximum(0.5 * (shape.high - shape.low), STILL * shape.radius)
         turn = pose[:, :3].T / half[:, None]
         rows.append(np.column_stack([turn, -turn @ pose[:, 3] - 0.5 * (shape.low + shape.high) / half]))
-    return mi.Float(np.stack(rows).astype(np.float32).ravel())
+    return mi.Float(np.concatenate(rows).astype(np.float32).ravel())
 
 
 def _lists(shown: list[Listed]) -> tuple[mi.UInt32, int, int]:
