@@ -29,7 +29,7 @@ import numpy as np
 from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection
-from benchharness.kernels import cubemap, geometry, impostor, optics, selfmet, surroundings
+from benchharness.kernels import cubemap, geometry, optics, selfmet, surroundings
 from benchharness.kernels.frozen import frozen
 from benchharness.scene import Scene
 
@@ -42,8 +42,8 @@ NEAR = 1e-3  # metres; what is nearer to the reflector's centre than this is ins
 
 @dataclass
 class State:
-    """Per reflector: `centres`, middle of its surface in object space, and `halves` of the size of a box around it; the same
-    in the world, as `places` and as `boxes`, see `selfmet.away`; `maps`."""
+    """Per reflector: `centres`, middle of its bounding box in object space, and `halves` of the box's size; the same in
+    the world, as `places` and as `boxes`, see `selfmet.away`; `maps`."""
 
     geometry: geometry.Geometry
     centres: list[mi.Point3f]
@@ -82,10 +82,9 @@ class EnvironmentMap(Method):
     def prepare(self, scene: Scene) -> State:
         centres, halves = [], []
         for r in scene.reflectors:
-            shape = impostor.shape_of((r.closed or r.mesh).vertices, (r.closed or r.mesh).faces)
-            v = shape.vertices
-            centres.append(mi.Point3f(shape.centroid.tolist()))
-            halves.append(mi.Vector3f(np.maximum(np.abs(v - shape.centroid).max(axis=0), NEAR).tolist()))
+            v = (r.closed or r.mesh).vertices
+            centres.append(mi.Point3f((0.5 * (v.min(axis=0) + v.max(axis=0))).tolist()))
+            halves.append(mi.Vector3f(np.maximum(0.5 * np.ptp(v, axis=0), NEAR).tolist()))
         near = mi.Float(NEAR)
         dr.make_opaque(near, centres, halves)
         return State(geometry.of_scene(scene), centres, halves, surroundings.of_scene(scene), near, [], [], [])
