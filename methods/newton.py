@@ -59,7 +59,7 @@ class State:
 @dataclass(frozen=True)
 class Newton(Method):
     """
-    warm      start where the last frame's walk ended
+    warm      start where the last frame's walk ended, and anew where that leads nowhere
     hidden    triangles with hidden vertices: "cut" where they become hidden, or "drop"
     others    other mirrors in this one: "black", or "omitted" to show what is behind them
     max_iter  points after which a walk gives up
@@ -139,6 +139,14 @@ def _solve(
     searched &= warm | promising | sight.near
     walked = newton.walk(mesh, where, first, searched, max_iter, sight.touches, shadow & ~warm)
 
+    # What began warm and came to nothing begins anew: the last frame's point may be a root of another kind.
+    lost = searched & warm & ~sight.near & ~walked.converged
+    first, promising = newton.best_candidate(mesh, where, lost, shadow)
+    searched &= ~lost | promising
+    again = newton.walk(mesh, where, first, lost & promising, max_iter, False, shadow)
+    iterations = walked.iterations + again.iterations
+    walked = dr.select(lost & promising, again, walked)
+
     behind = shadow | ~searched | (dr.dot(where.V - walked.R, walked.n) <= 0)
     reflected = walked.converged | (searched & ~behind & (walked.residual < search.STRAY))
     hidden = active & behind & ~reflected
@@ -148,7 +156,7 @@ def _solve(
     images = virtual.Images(vertexwise.packets(image, kind, lane, count), vertexwise.packets(R, mi.Float(0), lane, count))
     report = {
         "R": R, "n": n, "virtual": mi.Point3f(image), "converged": walked.converged, "valid": mi.Bool(walked.converged),
-        "region": region, "iterations": walked.iterations, "residual": walked.residual, "border": dr.zeros(mi.Bool, count),
+        "region": region, "iterations": iterations, "residual": walked.residual, "border": dr.zeros(mi.Bool, count),
     }  # fmt: skip
     return images, Ends(walked.on, mi.Bool(reflected)), report
 
