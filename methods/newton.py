@@ -5,10 +5,11 @@ derivatives: kernels.newton. Nothing is precomputed but a hierarchy over the mir
 After Jakob and Marschner 2012, "Manifold exploration", with the damping of Zeltner, Georgiev and Jakob 2020.
 
 With `multi = 1`, finds one reflection per vertex: of several, the one that the walk comes to from the best of a few hundred
-points of the mirror, or from the last frame's; whether the mirror's own wall stands between the two is not tested. With more,
+points of the mirror, or from the last frame's. A root that the mirror hides from the eye is no reflection. With more,
 walks start from all points of the mirror that agree better than those around them, rays ask what the mirror hides, and
-triangles join what belongs together (kernels.several, kernels.branches); where the mirror meets itself it is black. Of two
-reflections that are about to meet on a caustic, one may be missed, and triangles that reach over the caustic are not drawn.
+triangles join what belongs together (kernels.several, kernels.branches). Where the mirror meets itself it is black: one ray
+per pixel of a mirror that is not convex (`own`). Of two reflections that are about to meet on a caustic, one may be missed,
+and triangles that reach over the caustic are not drawn.
 
 Needs no star-shaped and no convex mirror. Fails where triangles are long: images of edges are straight. Shows no second
 bounce.
@@ -62,6 +63,7 @@ class Newton(Method):
     warm      start where the last frame's walk ended, and anew where that leads nowhere
     hidden    triangles with hidden vertices: "cut" where they become hidden, or "drop"
     others    other mirrors in this one: "black", or "omitted" to show what is behind them
+    own       the mirror in itself, where it is not convex: "black", which takes one ray per pixel of it, or "omitted"
     max_iter  points after which a walk gives up
     multi     reflections per vertex that are found and drawn; with more than one, every walk is a cold one
     """
@@ -69,6 +71,7 @@ class Newton(Method):
     warm: bool = True
     hidden: Literal["cut", "drop"] = "cut"
     others: Literal["black", "omitted"] = "black"
+    own: Literal["black", "omitted"] = "black"
     max_iter: Annotated[int, Field(ge=1)] = 60
     multi: Annotated[int, Field(ge=1, le=8)] = 1
 
@@ -91,18 +94,22 @@ class Newton(Method):
         warm = self.warm and state.view is not None
         seen = state.scenery
         count, shown_parts = seen.triangles.vertex_count, seen.parts_shown(self.others)
-        drawing, max_iter = virtual.Drawing(self.hidden), dr.opaque(mi.UInt32, self.max_iter)
+        max_iter = dr.opaque(mi.UInt32, self.max_iter)
 
         def solve(i: int, part: mi.UInt32) -> vertexwise.Solved:
             mesh, seeds, pose = state.mirrors[i], state.seeds[i], placement.pose_of(frame.poses, part)
+            own = branches.meeting(None if mesh.convex else mesh, pose, self.own)
             if seeds is not None:
                 made = _solve_several(seen.world, shown_parts, mesh, seeds, pose, part, frame.view, self.multi, max_iter)
-                return branches.solved(made, mesh, seeds, pose, frame, i, part, self.hidden)
+                return branches.solved(made, mesh, seeds, pose, frame, i, part, self.hidden, own)
             images, end, report = _solve(
                 seen.world.points, shown_parts, mesh, pose, part, frame.view,
                 state.view if warm else frame.view, state.ends[i] if warm else Ends.cold(count), count, max_iter,
             )  # fmt: skip
-            return vertexwise.Solved(images, end, report, drawing, newton.Shadow(mesh, pose))
+            behind = mesh.closed and not mesh.convex
+            back = virtual.nearest_back(frame.proxies[i], frame.poses, part, frame.view) if behind else None
+            drawing = virtual.Drawing(self.hidden, behind=behind)
+            return vertexwise.Solved(images, end, report, drawing, newton.Shadow(mesh, pose), back, own=own)
 
         shown = vertexwise.shown(seen, frame, solve)
         vertices = Vertices(**shown.report, further=[Vertices(**report) for report in shown.further])
@@ -154,8 +161,14 @@ def _solve(
     image = dr.select(reflected, optics.on_ray(V, R, view.eye), V)
     kind, region = vertexwise.kinds(reflected, hidden)
     images = virtual.Images(vertexwise.packets(image, kind, lane, count), vertexwise.packets(R, mi.Float(0), lane, count))
+    converged = walked.converged
+    if not mesh.convex:
+        # A root that the mirror hides from the eye is no reflection.
+        images.seen = ~reflected | several.is_free(mesh, walked.R, walked.n, where.eye, reflected)
+        reflected, converged = reflected & images.seen, converged & images.seen
+        region = dr.select(images.seen, region, vertexwise.UNKNOWN)
     report = {
-        "R": R, "n": n, "virtual": mi.Point3f(image), "converged": walked.converged, "valid": mi.Bool(walked.converged),
+        "R": R, "n": n, "virtual": mi.Point3f(image), "converged": converged, "valid": mi.Bool(converged),
         "region": region, "iterations": iterations, "residual": walked.residual, "border": dr.zeros(mi.Bool, count),
     }  # fmt: skip
     return images, Ends(walked.on, mi.Bool(reflected)), report

@@ -101,18 +101,25 @@ def arranged(
 
 def solved(
     made: Arranged, mirror: newton.Mesh, seeds: several.Seeds, pose: list, frame, i: int, part, hidden: str,
-    counters: dict[str, mi.UInt32] | None = None,
+    own: Own | None, counters: dict[str, mi.UInt32] | None = None,
 ) -> vertexwise.Solved:  # fmt: skip
     """What `vertexwise.shown` draws of mirror number i of a `benchharness.api.Frame`.
 
     hidden    as `virtual.Drawing` has it
+    own       what is asked where the mirror meets itself, or None
     counters  further work
     """
     back = virtual.nearest_back(frame.proxies[i], frame.poses, part, frame.view) if seeds.closed else None
     return vertexwise.Solved(
         made.images, None, made.reports[0], virtual.Drawing(hidden, behind=seeds.closed), newton.Shadow(mirror, pose), back,
-        {**made.counters, **(counters or {})}, made.reports[1:], made.triangles, Own(mirror, pose),
+        {**made.counters, **(counters or {})}, made.reports[1:], made.triangles, own,
     )  # fmt: skip
+
+
+def meeting(sheet: newton.Mesh | None, pose: list, own: str) -> Own | None:
+    """What `vertexwise.Solved.own` is for a mirror that is "black" in itself, or "omitted"; `sheet` is what is seen of it, None
+    for one that cannot meet itself."""
+    return Own(sheet, pose) if sheet is not None and own == "black" else None
 
 
 def _repeated(images: virtual.Images, world: geometry.Geometry, places: int) -> geometry.Geometry:

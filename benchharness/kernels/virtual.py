@@ -36,10 +36,12 @@ class Images:
 
     moved  virtual position (what the rasterizer sorts by), kind
     at     reflection point, free
+    seen   whether the eye sees the reflection point; None where it sees all. Triangles with none that is seen are not drawn
     """
 
     moved: mi.Float
     at: mi.Float
+    seen: mi.Bool | None = None
 
 
 @dataclass
@@ -152,6 +154,9 @@ def _assembled(images: Images, triangles: geometry.Geometry, part, view, p, refl
     kinds = [mi.UInt32(q.w) for q in corner]
     shown = (geometry.part_of(face) != part) & (kinds[0] != NONE) & (kinds[1] != NONE) & (kinds[2] != NONE)
     shown &= (kinds[0] == REFLECTED) | (kinds[1] == REFLECTED) | (kinds[2] == REFLECTED)
+    if images.seen is not None:
+        sights = [dr.gather(mi.Bool, images.seen, i) for i in (face.x, face.y, face.z)]
+        shown &= dr.any([(k == REFLECTED) & seen for k, seen in zip(kinds, sights, strict=True)])
     shown &= _turned_to_mirror(triangles.points, images.at, face, kinds)
     whole = (kinds[0] == REFLECTED) & (kinds[1] == REFLECTED) & (kinds[2] == REFLECTED)
     # A triangle that reaches behind the eye has no image.
