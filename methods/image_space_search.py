@@ -77,8 +77,8 @@ class Ends:
 
 @dataclass
 class Mirror:
-    """One reflector that is not convex: the mesh that its picture is of, the one that is seen of it, and where searches for
-    several reflections may start, None where one is asked for."""
+    """One reflector: the mesh that its picture is of, the one that is seen of it, and where searches for several reflections
+    may start, None where there is one at most."""
 
     mesh: newton.Mesh
     sheet: newton.Mesh
@@ -88,13 +88,13 @@ class Mirror:
 @dataclass
 class State:
     """
-    mirrors  per reflector that is not convex, its meshes
+    mirrors  per reflector, its meshes
     ends     per reflector, where the last searches ended; None for those
     view     the camera of the last frame
     """
 
     scenery: vertexwise.Scenery
-    mirrors: list[Mirror | None]
+    mirrors: list[Mirror]
     ends: list[Ends | None]
     view: View | None
 
@@ -153,40 +153,42 @@ class ImageSpaceSearch(Method):
         warm = self.warm != "off" and state.view is not None
         seen = state.scenery
         count, shown_parts = seen.triangles.vertex_count, seen.parts_shown(self.others)
+        doubted = dr.opaque(mi.UInt32, seen.objects) if frame.doubts else None
         drawing = virtual.Drawing("cut" if self.hidden == "cut" else "keep")
 
         def solve(i: int, part: mi.UInt32) -> vertexwise.Solved:
             window = search.window(frame.view, frame.boxes[i], self.widening)
             texels = search.render(frame.proxies[i], frame.poses, part, window.view)
             mirror, pose = state.mirrors[i], placement.pose_of(frame.poses, part)
-            own = branches.meeting(None if mirror is None else mirror.sheet, pose, self.own)
-            if mirror is not None and mirror.seeds is not None:
+            own = branches.meeting(mirror.sheet, pose, self.own, frame.doubts)
+            if mirror.seeds is not None:
                 mesh, seeds = mirror.mesh, mirror.seeds
                 made, reads = _search_several(
                     seen.world, shown_parts, mesh, seeds, texels, window, pose, part, frame.view,
-                    dr.opaque(mi.UInt32, self.max_iter), self.multi, options,
+                    dr.opaque(mi.UInt32, self.max_iter), self.multi, options, doubted,
                 )  # fmt: skip
                 return branches.solved(made, mesh, seeds, pose, frame, i, part, self.hidden, own, {"texel_reads": reads})
             last = state.ends[i] if warm else Ends.cold(count)
             images, end, report, reads = _search(
                 seen.world.points, shown_parts, texels, window, part, frame.view, state.view if warm else frame.view,
-                last, count, dr.opaque(mi.UInt32, self.max_iter), options, mirror is not None,
+                last, count, dr.opaque(mi.UInt32, self.max_iter), options,
+                not mirror.mesh.convex, doubted,
             )  # fmt: skip
             picture = virtual.Picture(texels, window.view)
             return vertexwise.Solved(images, end, report, drawing, picture, None, {"texel_reads": reads}, own=own)
 
         shown = vertexwise.shown(seen, frame, solve)
         vertices = Vertices(**shown.report, further=[Vertices(**report) for report in shown.further])
-        reflection = Reflection(shown.L, shown.distance, shown.found, vertices, shown.counters)
+        reflection = Reflection(shown.L, shown.distance, shown.found, vertices, shown.counters, shown.doubt)
         return reflection, replace(state, ends=shown.ends, view=frame.view)
 
 
-def _mirror(reflector: Reflector, multi: int) -> Mirror | None:
-    """None if what its picture is of, the closed stand-in or the sheet, is convex: then a vertex has one reflection."""
+def _mirror(reflector: Reflector, multi: int) -> Mirror:
+    """What its picture is of is the closed stand-in or the sheet. If that is convex, a vertex has one reflection."""
     sheet, mesh, backs = reflector.mesh, reflector.closed or reflector.mesh, reflector.closed is None
     solid = newton.mesh(mesh.vertices, mesh.normals, mesh.faces, backs)
     if solid.convex:
-        return None
+        return Mirror(solid, solid, None)
     open_ = solid if mesh is sheet else newton.mesh(sheet.vertices, sheet.normals, sheet.faces, backs)
     return Mirror(solid, open_, several.seeds(mesh.vertices, mesh.normals, mesh.faces, backs) if multi > 1 else None)
 
@@ -194,9 +196,10 @@ def _mirror(reflector: Reflector, multi: int) -> Mirror | None:
 @frozen
 def _search(
     points, shown_parts, texels, window: search.Window, part, view: View, last_view: View, last, count: int, max_iter,
-    options: Options, several_roots: bool,
+    options: Options, several_roots: bool, doubted,
 ):  # fmt: skip
-    """Virtual vertices, the texels where the searches ended, what is reported of each vertex, and texels read."""
+    """Virtual vertices, the texels where the searches ended, what is reported of each vertex, and texels read. `doubted`:
+    parts from this number on are mirrors, None where no doubt is asked for."""
     camera = window.view
     cold_column, cold_row = search.middle(texels, window)
 
@@ -244,6 +247,9 @@ def _search(
         vertexwise.packets(image, kind, lane, count), vertexwise.packets(R, mi.Float(0), lane, count)
     )  # fmt: skip
 
+    if doubted is not None:
+        unsure = reflected & ~found.converged & (found.residual > NEAR)
+        images.sure = vertexwise.sureness(n, unsure, points, lane, doubted, count)
     report = {
         "R": mi.Point3f(R), "n": mi.Normal3f(n), "virtual": mi.Point3f(image),
         "converged": found.converged, "valid": found.valid, "region": region,
@@ -259,7 +265,7 @@ def _search(
 @frozen
 def _search_several(
     world, shown_parts, mesh: newton.Mesh, seeds, texels, window: search.Window, pose: list, part, view: View, max_iter,
-    multi: int, options: Options,
+    multi: int, options: Options, doubted,
 ):  # fmt: skip
     """Virtual vertices, triangles and reports of several reflections per vertex, and texels read per vertex."""
     camera, count = window.view, world.vertex_count
@@ -275,6 +281,6 @@ def _search_several(
     ends = several.Ends(R, n, near, found.valid, found.residual, found.iterations, None)
     several_found = several.finish(ends, starts, mesh, pose, view, count, multi)
     made = branches.arranged(
-        several_found, mesh, pose, world, part, shown_parts, view, multi, mirrored=options.placement == "mirror"
+        several_found, mesh, pose, world, part, shown_parts, view, multi, doubted, mirrored=options.placement == "mirror"
     )
     return made, several.per_vertex(dr.select(active, found.reads, 0), count, multi)

@@ -95,16 +95,19 @@ class Newton(Method):
         seen = state.scenery
         count, shown_parts = seen.triangles.vertex_count, seen.parts_shown(self.others)
         max_iter = dr.opaque(mi.UInt32, self.max_iter)
+        doubted = dr.opaque(mi.UInt32, seen.objects) if frame.doubts else None
 
         def solve(i: int, part: mi.UInt32) -> vertexwise.Solved:
             mesh, seeds, pose = state.mirrors[i], state.seeds[i], placement.pose_of(frame.poses, part)
-            own = branches.meeting(None if mesh.convex else mesh, pose, self.own)
+            own = branches.meeting(mesh, pose, self.own, frame.doubts)
             if seeds is not None:
-                made = _solve_several(seen.world, shown_parts, mesh, seeds, pose, part, frame.view, self.multi, max_iter)
+                made = _solve_several(
+                    seen.world, shown_parts, mesh, seeds, pose, part, frame.view, self.multi, max_iter, doubted
+                )
                 return branches.solved(made, mesh, seeds, pose, frame, i, part, self.hidden, own)
             images, end, report = _solve(
                 seen.world.points, shown_parts, mesh, pose, part, frame.view,
-                state.view if warm else frame.view, state.ends[i] if warm else Ends.cold(count), count, max_iter,
+                state.view if warm else frame.view, state.ends[i] if warm else Ends.cold(count), count, max_iter, doubted,
             )  # fmt: skip
             behind = mesh.closed and not mesh.convex
             back = virtual.nearest_back(frame.proxies[i], frame.poses, part, frame.view) if behind else None
@@ -113,7 +116,7 @@ class Newton(Method):
 
         shown = vertexwise.shown(seen, frame, solve)
         vertices = Vertices(**shown.report, further=[Vertices(**report) for report in shown.further])
-        reflection = Reflection(shown.L, shown.distance, shown.found, vertices, shown.counters)
+        reflection = Reflection(shown.L, shown.distance, shown.found, vertices, shown.counters, shown.doubt)
         return reflection, replace(state, ends=shown.ends, view=frame.view)
 
 
@@ -130,9 +133,11 @@ def _mesh(reflector: Reflector) -> newton.Mesh:
 
 @frozen
 def _solve(
-    points, shown_parts, mesh: newton.Mesh, pose: list, part, view: View, last_view: View, last: Ends, count: int, max_iter
-):
-    """Virtual vertices, where the walks ended, and what is reported of each vertex."""
+    points, shown_parts, mesh: newton.Mesh, pose: list, part, view: View, last_view: View, last: Ends, count: int, max_iter,
+    doubted,
+):  # fmt: skip
+    """Virtual vertices, where the walks ended, and what is reported of each vertex. `doubted`: parts from this number on are
+    mirrors, None where no doubt is asked for."""
     lane, V, active = vertexwise.vertices(points, part, shown_parts, count)
     where = placement.place(pose, V, view)
 
@@ -167,6 +172,8 @@ def _solve(
         images.seen = ~reflected | several.is_free(mesh, walked.R, walked.n, where.eye, reflected)
         reflected, converged = reflected & images.seen, converged & images.seen
         region = dr.select(images.seen, region, vertexwise.UNKNOWN)
+    if doubted is not None:
+        images.sure = vertexwise.sureness(n, searched & ~converged, points, lane, doubted, count)
     report = {
         "R": R, "n": n, "virtual": mi.Point3f(image), "converged": converged, "valid": mi.Bool(converged),
         "region": region, "iterations": iterations, "residual": walked.residual, "border": dr.zeros(mi.Bool, count),
@@ -175,7 +182,9 @@ def _solve(
 
 
 @frozen
-def _solve_several(world, shown_parts, mesh: newton.Mesh, seeds, pose: list, part, view: View, multi: int, max_iter):
+def _solve_several(
+    world, shown_parts, mesh: newton.Mesh, seeds, pose: list, part, view: View, multi: int, max_iter, doubted=None
+):  # fmt: skip
     """Virtual vertices, triangles and reports of several reflections per vertex."""
     starts = several.begin(seeds, mesh, pose, view, world.points, part, shown_parts, world.vertex_count, multi)
     walked = newton.walk(mesh, starts.where, starts.on, starts.active, max_iter, starts.touches)
@@ -183,4 +192,4 @@ def _solve_several(world, shown_parts, mesh: newton.Mesh, seeds, pose: list, par
         walked.R, walked.n, walked.converged, walked.converged, walked.residual, walked.iterations, walked.on
     )  # fmt: skip
     found = several.finish(ends, starts, mesh, pose, view, world.vertex_count, multi)
-    return branches.arranged(found, mesh, pose, world, part, shown_parts, view, multi)
+    return branches.arranged(found, mesh, pose, world, part, shown_parts, view, multi, doubted)

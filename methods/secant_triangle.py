@@ -187,15 +187,26 @@ class SecantTriangle(Method):
         seen = state.scenery
         count, shown_parts = seen.triangles.vertex_count, seen.parts_shown(self.others)
         tau, max_iter = dr.opaque(mi.Float, self.tau), dr.opaque(mi.UInt32, self.max_iter)
+        doubted = dr.opaque(mi.UInt32, seen.objects) if frame.doubts else None
         policy = {"cut": "cut", "drop": "drop", "emdt_mirror": "keep", "clamp": "keep"}[self.hidden]
 
         def solve(i: int, part: mi.UInt32) -> vertexwise.Solved:
             mirror, picture, back = state.mirrors[i], None, None
             pose = placement.pose_of(frame.poses, part)
-            own = branches.meeting(mirror.sheet, pose, self.own)
+            own = branches.meeting(mirror.mesh if mirror.sheet is None else mirror.sheet, pose, self.own, frame.doubts)
             if mirror.seeds is not None:
                 made, backtracks = _solve_several(
-                    seen.world, shown_parts, mirror, pose, part, frame.view, tau, max_iter, self.multi, options
+                    seen.world,
+                    shown_parts,
+                    mirror,
+                    pose,
+                    part,
+                    frame.view,
+                    tau,
+                    max_iter,
+                    self.multi,
+                    options,
+                    doubted,
                 )
                 more = {"backtracks": backtracks}
                 return branches.solved(made, mirror.mesh, mirror.seeds, pose, frame, i, part, self.hidden, own, more)
@@ -208,7 +219,7 @@ class SecantTriangle(Method):
             images, end, report, backtracks = _solve(
                 seen.world.points, shown_parts, mirror, picture, pose, part, frame.view,
                 state.view if warm else frame.view, state.ends[i] if warm else Ends.cold(count), count, state.d_max, tau,
-                max_iter, options,
+                max_iter, options, doubted,
             )  # fmt: skip
             drawing = virtual.Drawing(policy, self.depth, behind)
             hider = newton.Shadow(mirror.mesh, pose)
@@ -216,7 +227,7 @@ class SecantTriangle(Method):
 
         shown = vertexwise.shown(seen, frame, solve)
         vertices = Vertices(**shown.report, further=[Vertices(**report) for report in shown.further])
-        reflection = Reflection(shown.L, shown.distance, shown.found, vertices, shown.counters)
+        reflection = Reflection(shown.L, shown.distance, shown.found, vertices, shown.counters, shown.doubt)
         return reflection, replace(state, ends=shown.ends, view=frame.view)
 
 
@@ -242,9 +253,10 @@ def _sheet(reflector: Reflector, mesh: Mesh, walked: newton.Mesh) -> newton.Mesh
 @frozen
 def _solve(
     points, shown_parts, mirror: Mirror, picture, pose: list, part, view: View, last_view: View, last: Ends, count: int, d_max,
-    tau, max_iter, options: Options,
+    tau, max_iter, options: Options, doubted,
 ):  # fmt: skip
-    """Virtual vertices, where the searches ended, what is reported of each vertex, and how often a sample came back."""
+    """Virtual vertices, where the searches ended, what is reported of each vertex, and how often a sample came back.
+    `doubted`: parts from this number on are mirrors, None where no doubt is asked for."""
     star, mesh = mirror.star, mirror.mesh
     lane, V, active = vertexwise.vertices(points, part, shown_parts, count)
     where = placement.place(pose, V, view)
@@ -309,6 +321,8 @@ def _solve(
     if seen is not None:
         reflected, converged = reflected & seen, converged & seen
         region = dr.select(seen, region, vertexwise.UNKNOWN)
+    if doubted is not None:
+        images.sure = vertexwise.sureness(n, searched & ~converged, points, lane, doubted, count)
     report = {
         "R": mi.Point3f(R), "n": mi.Normal3f(n), "virtual": mi.Point3f(image), "converged": mi.Bool(converged),
         "valid": mi.Bool(converged), "region": region, "iterations": iterations, "residual": mi.Float(residual),
@@ -321,7 +335,7 @@ def _solve(
 
 @frozen
 def _solve_several(
-    world, shown_parts, mirror: Mirror, pose: list, part, view: View, tau, max_iter, multi: int, options: Options
+    world, shown_parts, mirror: Mirror, pose: list, part, view: View, tau, max_iter, multi: int, options: Options, doubted
 ):  # fmt: skip
     """Virtual vertices, triangles and reports of several reflections per vertex, and how often a sample came back."""
     star, mesh, count = mirror.star, mirror.mesh, world.vertex_count
@@ -343,5 +357,5 @@ def _solve_several(
             dr.select(goes_on, walked.residual, s.residual), s.iterations + walked.iterations, None,
         )  # fmt: skip
     found = several.finish(ends, starts, mesh, pose, view, count, multi)
-    made = branches.arranged(found, mesh, pose, world, part, shown_parts, view, multi)
+    made = branches.arranged(found, mesh, pose, world, part, shown_parts, view, multi, doubted)
     return made, several.per_vertex(s.backtracks, count, multi)

@@ -47,9 +47,10 @@ class Arranged:
 
 def arranged(
     found: several.Found, mirror: newton.Mesh, pose: list, world: geometry.Geometry, part, shown_parts, view, multi: int,
-    mirrored: bool = False,
+    doubted=None, mirrored: bool = False,
 ) -> Arranged:  # fmt: skip
-    """`mirrored`: images are V mirrored in the plane at R, else V on the eye's ray through R."""
+    """`mirrored`: images are V mirrored in the plane at R, else V on the eye's ray through R. `doubted`: parts from this number
+    on are mirrors, None where no doubt is asked for."""
     count = world.vertex_count
     places = multi + 1
     lane = dr.arange(mi.UInt32, places * count)
@@ -76,6 +77,8 @@ def arranged(
     images = virtual.Images(
         vertexwise.packets(image, kind, lane, places * count), vertexwise.packets(R, code, lane, places * count)
     )
+    if doubted is not None:
+        images.sure = vertexwise.sureness(n, filled & ~of(found.converged), world.points, lane, doubted, places * count)
     image, R, region = mi.Point3f(image), mi.Point3f(R), mi.UInt32(region)
     dr.eval(images, image, R, region)
 
@@ -116,10 +119,11 @@ def solved(
     )  # fmt: skip
 
 
-def meeting(sheet: newton.Mesh | None, pose: list, own: str) -> Own | None:
-    """What `vertexwise.Solved.own` is for a mirror that is "black" in itself, or "omitted"; `sheet` is what is seen of it, None
-    for one that cannot meet itself."""
-    return Own(sheet, pose) if sheet is not None and own == "black" else None
+def meeting(sheet: newton.Mesh, pose: list, own: str, doubts: bool) -> Own | None:
+    """What `vertexwise.Solved.own` is for a mirror that is "black" in itself, or "omitted"; `sheet` is what is seen of it. One
+    that is convex meets itself where its normals are smoother than its facets, which is only doubted."""
+    black = own == "black" and not sheet.convex
+    return Own(sheet, pose, black) if black or doubts else None
 
 
 def _repeated(images: virtual.Images, world: geometry.Geometry, places: int) -> geometry.Geometry:
@@ -215,10 +219,11 @@ def _faces(images: virtual.Images, world: geometry.Geometry, places: int) -> mi.
 
 @dataclass
 class Own:
-    """A mirror's mesh and pose, asked where the mirror meets itself."""
+    """A mirror's mesh and pose, asked where the mirror meets itself; whether it is black there, or only doubted."""
 
     mesh: newton.Mesh
     pose: list[mi.Vector4f]
+    black: bool = True
 
     def meets(self, frame, distance: mi.Float, found: mi.Bool, here: mi.Bool) -> tuple[mi.Bool, mi.Float]:
         """Whether the ray that a pixel reflects meets the mirror before what is drawn there, and how far away; one lane per
