@@ -96,12 +96,19 @@ def test_what_is_wrong_is_doubted_and_little_else(method, scene, bounces):
         (DepthImpostor(), contact(1.0)),
         (DepthImpostor(intersector="march"), contact(1.0)),
         (RayTraced(), contact(0.0)),
-        *((method, scene) for method in VERTEXWISE for scene in (long_triangles(0.06), coarse_mirror(64), hidden(0.1))),
     ],
 )
 def test_what_is_right_is_not_doubted(method, scene):
     wrong, _, wolf = judged(method, scene)
-    assert wrong < 0.03 and wolf < BORDER
+    assert wrong < 0.01 and wolf < BORDER
+
+
+@pytest.mark.parametrize("method", VERTEXWISE, ids=lambda method: type(method).__name__)
+@pytest.mark.parametrize("scene", [long_triangles(0.06), coarse_mirror(64), hidden(0.1)], ids=["bar", "floor", "wall"])
+def test_small_triangles_are_hardly_doubted(method, scene):
+    """Of checkered things, border pixels are wrong; searches in the picture end unsure along the outline."""
+    wrong, _, wolf = judged(method, scene)
+    assert wrong < 0.03 and wolf < 2 * BORDER
 
 
 @pytest.mark.parametrize("method", VERTEXWISE, ids=lambda method: type(method).__name__)
@@ -114,11 +121,8 @@ def test_where_images_of_long_edges_may_be_is_doubted(method, scene):
 
 def test_the_sagitta_of_an_arc_is_that_of_its_chord_and_turn():
     """On a circle of 100 pixels, an arc of 0.3 radians leaves its chord by 100 (1 - cos 0.15); to second order."""
-    angles = (0.4, 0.7)
-    a, b = (
-        bent.End(mi.Point2f(100 * np.cos(t), 100 * np.sin(t)), mi.Vector3f(np.cos(t), np.sin(t), 0), mi.Float(0))
-        for t in angles
-    )
+    directions = [(float(np.cos(t)), float(np.sin(t))) for t in (0.4, 0.7)]
+    a, b = (bent.End(100 * mi.Point2f(*u), mi.Vector3f(*u, 0), mi.Float(0)) for u in directions)
     assert np.array(bent.sagitta(a, b))[0] == pytest.approx(100 * (1 - np.cos(0.15)), rel=0.15**2)
 
 

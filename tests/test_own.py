@@ -46,6 +46,7 @@ def test_no_reflection_point_is_where_the_mirror_hides_it_from_the_eye(name):
     made = lobes(0.6)
     (answer,) = shaded(ALL[name], made, 0, size=SIZE)
     vertices, mesh = answer.reflection.vertices, made.reflectors[0].mesh
+    assert vertices is not None
     called = np.array(vertices.converged)
     assert called.sum() > 20
     R = lanes(vertices.R)[called]
