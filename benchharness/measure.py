@@ -261,11 +261,11 @@ class Bench:
         count = self.scene.vertices
         iterations = np.array(found.iterations)
         searched = iterations > 0
-        converged, region = np.array(found.converged), np.array(found.region)
+        converged = np.array(found.converged)
         record: dict[str, Any] = {
             "iterations_mean": float(iterations[searched].mean()) if searched.any() else None,
             "iterations_max": int(iterations.max()) if searched.any() else None,
-            "converged_ratio": float(converged[region == 1].mean()) if (region == 1).any() else None,
+            "converged_ratio": converged_share(converged, np.array(found.region), iterations),
         }
         off, errors = [], []
         for number in range(len(self.scene.reflectors)):
@@ -331,6 +331,13 @@ def _arrays(vertices: Vertices) -> dict[str, Any]:
     """The fields as arrays [N] or [N, 3]; of `further`, a list of such."""
     arrays = {f.name: np.array(getattr(vertices, f.name)).T for f in fields(vertices) if f.name != "further"}
     return {**arrays, "further": [_arrays(more) for more in vertices.further]}
+
+
+def converged_share(converged: np.ndarray, region: np.ndarray, iterations: np.ndarray) -> float | None:
+    """Share that converged of the vertices that were searched and are not hidden, None if there are none; [N] each, as in
+    `benchharness.api.Vertices`. A search that came to nothing leaves its vertex in region 0."""
+    counted = (region == 1) | ((region == 0) & (iterations > 0))
+    return float(converged[counted].mean()) if counted.any() else None
 
 
 def run_up(index: int, frames: int) -> list[int]:

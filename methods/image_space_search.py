@@ -7,8 +7,7 @@ Paper: Estalella, Martin, Drettakis, Tost, "A GPU-driven algorithm for accurate 
 EGSR 2006; sections 4 and 5.
 
 The paper assumes one reflection point per vertex, on the reflector's closed stand-in. Where a vertex has several (concave
-and mixed mirrors), one is found, which one depends on the start; and nothing tests whether the mirror's own wall stands
-between a vertex and its reflection point: a bowl seen from inside shows what is behind it. `multi` lifts both limits. Fails
+and mixed mirrors), one is found, which one depends on the start. `multi` lifts that. Fails
 where triangles are long (the image of an edge is straight between its virtual end points). Shows no second bounce.
 
 Where we differ:
@@ -23,9 +22,12 @@ Where we differ:
 * `start = "pyramid"` lets a cold search begin with wide strides; the paper starts at the centre with single texels.
 * `multi` finds up to so many reflections per vertex: searches climb from texels spread over the mirror's picture, and triangles
   join what belongs together (kernels.several, kernels.branches). Rays ask whether the mirror hides a reflection from the
-  eye or from the vertex, and, per pixel, whether it meets itself: there it is black. On a mirror of few texels many searches
+  eye or from the vertex. On a mirror of few texels many searches
   end between texels that agree too little to tell a reflection from none; what is within two degrees of it is drawn.
-* A vertex that starts on a texel that the reflector has left begins anew from the middle of the reflector's picture.
+* A vertex that starts on a texel that the reflector has left begins anew from the middle of the reflector's picture. So does,
+  on a mirror that is not convex, one that starts warm and ends where half vector and normal do not agree.
+* A mirror that is not convex may stand between a vertex and its reflection point, as a bowl's wall does. With `own = "black"`,
+  a ray per pixel asks whether the mirror meets itself: there it is black.
 """
 
 from __future__ import annotations
@@ -74,15 +76,25 @@ class Ends:
 
 
 @dataclass
+class Mirror:
+    """One reflector: the mesh that its picture is of, the one that is seen of it, and where searches for several reflections
+    may start, None where there is one at most."""
+
+    mesh: newton.Mesh
+    sheet: newton.Mesh
+    seeds: several.Seeds | None
+
+
+@dataclass
 class State:
     """
-    mirrors  per reflector, its mesh and where searches for several reflections may start; None where there is one at most
+    mirrors  per reflector, its meshes
     ends     per reflector, where the last searches ended; None for those
     view     the camera of the last frame
     """
 
     scenery: vertexwise.Scenery
-    mirrors: list[tuple[newton.Mesh, several.Seeds] | None]
+    mirrors: list[Mirror]
     ends: list[Ends | None]
     view: View | None
 
@@ -103,6 +115,7 @@ class ImageSpaceSearch(Method):
                    paper ("texel"), or start cold in every frame ("off")
     max_iter       neighbourhoods after which a search gives up
     others         other mirrors in this one: "black", or "omitted" to show what is behind them
+    own            the mirror in itself, where it is not convex: "black", which takes one ray per pixel of it, or "omitted"
     multi          reflections per vertex that are found and drawn; with more than one, every search is a cold one from
                    texels spread over the mirror's picture, and hidden vertices are "cut"
     """
@@ -117,6 +130,7 @@ class ImageSpaceSearch(Method):
     warm: Literal["point", "texel", "off"] = "point"
     max_iter: Annotated[int, Field(ge=1)] = 4096
     others: Literal["black", "omitted"] = "black"
+    own: Literal["black", "omitted"] = "black"
     multi: Annotated[int, Field(ge=1, le=8)] = 1
 
     paper: ClassVar[str] = "Estalella et al. 2006"
@@ -126,7 +140,7 @@ class ImageSpaceSearch(Method):
             raise ValueError(f'image_space_search: multi {self.multi} with hidden "{self.hidden}"; accepted: "cut"')
 
     def prepare(self, scene: Scene) -> State:
-        mirrors = [_mirror(reflector) if self.multi > 1 else None for reflector in scene.reflectors]
+        mirrors = [_mirror(reflector, self.multi) for reflector in scene.reflectors]
         return State(vertexwise.scenery(scene), mirrors, [], None)
 
     def update(self, state: State, frame: Frame) -> State:
@@ -139,47 +153,53 @@ class ImageSpaceSearch(Method):
         warm = self.warm != "off" and state.view is not None
         seen = state.scenery
         count, shown_parts = seen.triangles.vertex_count, seen.parts_shown(self.others)
+        doubted = dr.opaque(mi.UInt32, seen.objects) if frame.doubts else None
         drawing = virtual.Drawing("cut" if self.hidden == "cut" else "keep")
 
         def solve(i: int, part: mi.UInt32) -> vertexwise.Solved:
             window = search.window(frame.view, frame.boxes[i], self.widening)
             texels = search.render(frame.proxies[i], frame.poses, part, window.view)
-            mirror = state.mirrors[i]
-            if mirror is not None:
-                mesh, seeds = mirror
-                pose = placement.pose_of(frame.poses, part)
+            mirror, pose = state.mirrors[i], placement.pose_of(frame.poses, part)
+            own = branches.meeting(mirror.sheet, pose, self.own, frame.doubts)
+            if mirror.seeds is not None:
+                mesh, seeds = mirror.mesh, mirror.seeds
                 made, reads = _search_several(
                     seen.world, shown_parts, mesh, seeds, texels, window, pose, part, frame.view,
-                    dr.opaque(mi.UInt32, self.max_iter), self.multi, options,
+                    dr.opaque(mi.UInt32, self.max_iter), self.multi, options, doubted,
                 )  # fmt: skip
-                return branches.solved(made, mesh, seeds, pose, frame, i, part, self.hidden, {"texel_reads": reads})
+                return branches.solved(made, mesh, seeds, pose, frame, i, part, self.hidden, own, {"texel_reads": reads})
             last = state.ends[i] if warm else Ends.cold(count)
             images, end, report, reads = _search(
                 seen.world.points, shown_parts, texels, window, part, frame.view, state.view if warm else frame.view,
                 last, count, dr.opaque(mi.UInt32, self.max_iter), options,
+                not mirror.mesh.convex, doubted,
             )  # fmt: skip
             picture = virtual.Picture(texels, window.view)
-            return vertexwise.Solved(images, end, report, drawing, picture, counters={"texel_reads": reads})
+            return vertexwise.Solved(images, end, report, drawing, picture, None, {"texel_reads": reads}, own=own)
 
         shown = vertexwise.shown(seen, frame, solve)
         vertices = Vertices(**shown.report, further=[Vertices(**report) for report in shown.further])
-        reflection = Reflection(shown.L, shown.distance, shown.found, vertices, shown.counters)
+        reflection = Reflection(shown.L, shown.distance, shown.found, vertices, shown.counters, shown.doubt)
         return reflection, replace(state, ends=shown.ends, view=frame.view)
 
 
-def _mirror(reflector: Reflector) -> tuple[newton.Mesh, several.Seeds] | None:
-    """What the mirror's picture is of: the closed stand-in or the sheet. None if it is convex: then it has one reflection."""
-    mesh, backs = reflector.closed or reflector.mesh, reflector.closed is None
+def _mirror(reflector: Reflector, multi: int) -> Mirror:
+    """What its picture is of is the closed stand-in or the sheet. If that is convex, a vertex has one reflection."""
+    sheet, mesh, backs = reflector.mesh, reflector.closed or reflector.mesh, reflector.closed is None
     solid = newton.mesh(mesh.vertices, mesh.normals, mesh.faces, backs)
-    return None if solid.convex else (solid, several.seeds(mesh.vertices, mesh.normals, mesh.faces, backs))
+    if solid.convex:
+        return Mirror(solid, solid, None)
+    open_ = solid if mesh is sheet else newton.mesh(sheet.vertices, sheet.normals, sheet.faces, backs)
+    return Mirror(solid, open_, several.seeds(mesh.vertices, mesh.normals, mesh.faces, backs) if multi > 1 else None)
 
 
 @frozen
 def _search(
     points, shown_parts, texels, window: search.Window, part, view: View, last_view: View, last, count: int, max_iter,
-    options: Options,
+    options: Options, several_roots: bool, doubted,
 ):  # fmt: skip
-    """Virtual vertices, the texels where the searches ended, what is reported of each vertex, and texels read."""
+    """Virtual vertices, the texels where the searches ended, what is reported of each vertex, and texels read. `doubted`:
+    parts from this number on are mirrors, None where no doubt is asked for."""
     camera = window.view
     cold_column, cold_row = search.middle(texels, window)
 
@@ -197,6 +217,17 @@ def _search(
     found = search.find(
         options.score, options.neighbourhood, options.subtexel, texels, camera, V, column, row, stride, active, max_iter
     )
+    if several_roots:
+        # What began warm and came to nothing begins anew: the last frame's point may be a root of another kind.
+        lost = stays & ~found.converged & (found.residual > NEAR)
+        stride = dr.select(lost, PYRAMID_STRIDE, 1) if options.pyramid else mi.Int32(1)
+        again = search.find(
+            options.score, options.neighbourhood, options.subtexel, texels, camera, V, cold_column, cold_row, stride,
+            active & lost, max_iter,
+        )  # fmt: skip
+        iterations, reads = found.iterations + again.iterations, found.reads + again.reads
+        found = dr.select(lost, again, found)
+        found.iterations, found.reads = iterations, reads
     R, n, reflected, hidden = found.R, found.n, found.reflected, found.hidden
 
     # The image: behind the point for what is reflected, in front of the mirror for what is hidden.
@@ -216,6 +247,9 @@ def _search(
         vertexwise.packets(image, kind, lane, count), vertexwise.packets(R, mi.Float(0), lane, count)
     )  # fmt: skip
 
+    if doubted is not None:
+        unsure = reflected & ~found.converged & (found.residual > NEAR)
+        images.sure = vertexwise.sureness(n, unsure, points, lane, doubted, count)
     report = {
         "R": mi.Point3f(R), "n": mi.Normal3f(n), "virtual": mi.Point3f(image),
         "converged": found.converged, "valid": found.valid, "region": region,
@@ -231,7 +265,7 @@ def _search(
 @frozen
 def _search_several(
     world, shown_parts, mesh: newton.Mesh, seeds, texels, window: search.Window, pose: list, part, view: View, max_iter,
-    multi: int, options: Options,
+    multi: int, options: Options, doubted,
 ):  # fmt: skip
     """Virtual vertices, triangles and reports of several reflections per vertex, and texels read per vertex."""
     camera, count = window.view, world.vertex_count
@@ -247,6 +281,6 @@ def _search_several(
     ends = several.Ends(R, n, near, found.valid, found.residual, found.iterations, None)
     several_found = several.finish(ends, starts, mesh, pose, view, count, multi)
     made = branches.arranged(
-        several_found, mesh, pose, world, part, shown_parts, view, multi, mirrored=options.placement == "mirror"
+        several_found, mesh, pose, world, part, shown_parts, view, multi, doubted, mirrored=options.placement == "mirror"
     )
     return made, several.per_vertex(dr.select(active, found.reads, 0), count, multi)

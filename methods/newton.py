@@ -5,10 +5,11 @@ derivatives: kernels.newton. Nothing is precomputed but a hierarchy over the mir
 After Jakob and Marschner 2012, "Manifold exploration", with the damping of Zeltner, Georgiev and Jakob 2020.
 
 With `multi = 1`, finds one reflection per vertex: of several, the one that the walk comes to from the best of a few hundred
-points of the mirror, or from the last frame's; whether the mirror's own wall stands between the two is not tested. With more,
+points of the mirror, or from the last frame's. A root that the mirror hides from the eye is no reflection. With more,
 walks start from all points of the mirror that agree better than those around them, rays ask what the mirror hides, and
-triangles join what belongs together (kernels.several, kernels.branches); where the mirror meets itself it is black. Of two
-reflections that are about to meet on a caustic, one may be missed, and triangles that reach over the caustic are not drawn.
+triangles join what belongs together (kernels.several, kernels.branches). Where the mirror meets itself it is black: one ray
+per pixel of a mirror that is not convex (`own`). Of two reflections that are about to meet on a caustic, one may be missed,
+and triangles that reach over the caustic are not drawn.
 
 Needs no star-shaped and no convex mirror. Fails where triangles are long: images of edges are straight. Shows no second
 bounce.
@@ -59,9 +60,10 @@ class State:
 @dataclass(frozen=True)
 class Newton(Method):
     """
-    warm      start where the last frame's walk ended
+    warm      start where the last frame's walk ended, and anew where that leads nowhere
     hidden    triangles with hidden vertices: "cut" where they become hidden, or "drop"
     others    other mirrors in this one: "black", or "omitted" to show what is behind them
+    own       the mirror in itself, where it is not convex: "black", which takes one ray per pixel of it, or "omitted"
     max_iter  points after which a walk gives up
     multi     reflections per vertex that are found and drawn; with more than one, every walk is a cold one
     """
@@ -69,6 +71,7 @@ class Newton(Method):
     warm: bool = True
     hidden: Literal["cut", "drop"] = "cut"
     others: Literal["black", "omitted"] = "black"
+    own: Literal["black", "omitted"] = "black"
     max_iter: Annotated[int, Field(ge=1)] = 60
     multi: Annotated[int, Field(ge=1, le=8)] = 1
 
@@ -91,22 +94,29 @@ class Newton(Method):
         warm = self.warm and state.view is not None
         seen = state.scenery
         count, shown_parts = seen.triangles.vertex_count, seen.parts_shown(self.others)
-        drawing, max_iter = virtual.Drawing(self.hidden), dr.opaque(mi.UInt32, self.max_iter)
+        max_iter = dr.opaque(mi.UInt32, self.max_iter)
+        doubted = dr.opaque(mi.UInt32, seen.objects) if frame.doubts else None
 
         def solve(i: int, part: mi.UInt32) -> vertexwise.Solved:
             mesh, seeds, pose = state.mirrors[i], state.seeds[i], placement.pose_of(frame.poses, part)
+            own = branches.meeting(mesh, pose, self.own, frame.doubts)
             if seeds is not None:
-                made = _solve_several(seen.world, shown_parts, mesh, seeds, pose, part, frame.view, self.multi, max_iter)
-                return branches.solved(made, mesh, seeds, pose, frame, i, part, self.hidden)
+                made = _solve_several(
+                    seen.world, shown_parts, mesh, seeds, pose, part, frame.view, self.multi, max_iter, doubted
+                )
+                return branches.solved(made, mesh, seeds, pose, frame, i, part, self.hidden, own)
             images, end, report = _solve(
                 seen.world.points, shown_parts, mesh, pose, part, frame.view,
-                state.view if warm else frame.view, state.ends[i] if warm else Ends.cold(count), count, max_iter,
+                state.view if warm else frame.view, state.ends[i] if warm else Ends.cold(count), count, max_iter, doubted,
             )  # fmt: skip
-            return vertexwise.Solved(images, end, report, drawing, newton.Shadow(mesh, pose))
+            behind = mesh.closed and not mesh.convex
+            back = virtual.nearest_back(frame.proxies[i], frame.poses, part, frame.view) if behind else None
+            drawing = virtual.Drawing(self.hidden, behind=behind)
+            return vertexwise.Solved(images, end, report, drawing, newton.Shadow(mesh, pose), back, own=own)
 
         shown = vertexwise.shown(seen, frame, solve)
         vertices = Vertices(**shown.report, further=[Vertices(**report) for report in shown.further])
-        reflection = Reflection(shown.L, shown.distance, shown.found, vertices, shown.counters)
+        reflection = Reflection(shown.L, shown.distance, shown.found, vertices, shown.counters, shown.doubt)
         return reflection, replace(state, ends=shown.ends, view=frame.view)
 
 
@@ -123,9 +133,11 @@ def _mesh(reflector: Reflector) -> newton.Mesh:
 
 @frozen
 def _solve(
-    points, shown_parts, mesh: newton.Mesh, pose: list, part, view: View, last_view: View, last: Ends, count: int, max_iter
-):
-    """Virtual vertices, where the walks ended, and what is reported of each vertex."""
+    points, shown_parts, mesh: newton.Mesh, pose: list, part, view: View, last_view: View, last: Ends, count: int, max_iter,
+    doubted,
+):  # fmt: skip
+    """Virtual vertices, where the walks ended, and what is reported of each vertex. `doubted`: parts from this number on are
+    mirrors, None where no doubt is asked for."""
     lane, V, active = vertexwise.vertices(points, part, shown_parts, count)
     where = placement.place(pose, V, view)
 
@@ -139,6 +151,14 @@ def _solve(
     searched &= warm | promising | sight.near
     walked = newton.walk(mesh, where, first, searched, max_iter, sight.touches, shadow & ~warm)
 
+    # What began warm and came to nothing begins anew: the last frame's point may be a root of another kind.
+    lost = searched & warm & ~sight.near & ~walked.converged
+    first, promising = newton.best_candidate(mesh, where, lost, shadow)
+    searched &= ~lost | promising
+    again = newton.walk(mesh, where, first, lost & promising, max_iter, False, shadow)
+    iterations = walked.iterations + again.iterations
+    walked = dr.select(lost & promising, again, walked)
+
     behind = shadow | ~searched | (dr.dot(where.V - walked.R, walked.n) <= 0)
     reflected = walked.converged | (searched & ~behind & (walked.residual < search.STRAY))
     hidden = active & behind & ~reflected
@@ -146,15 +166,25 @@ def _solve(
     image = dr.select(reflected, optics.on_ray(V, R, view.eye), V)
     kind, region = vertexwise.kinds(reflected, hidden)
     images = virtual.Images(vertexwise.packets(image, kind, lane, count), vertexwise.packets(R, mi.Float(0), lane, count))
+    converged = walked.converged
+    if not mesh.convex:
+        # A root that the mirror hides from the eye is no reflection.
+        images.seen = ~reflected | several.is_free(mesh, walked.R, walked.n, where.eye, reflected)
+        reflected, converged = reflected & images.seen, converged & images.seen
+        region = dr.select(images.seen, region, vertexwise.UNKNOWN)
+    if doubted is not None:
+        images.sure = vertexwise.sureness(n, searched & ~converged, points, lane, doubted, count)
     report = {
-        "R": R, "n": n, "virtual": mi.Point3f(image), "converged": walked.converged, "valid": mi.Bool(walked.converged),
-        "region": region, "iterations": walked.iterations, "residual": walked.residual, "border": dr.zeros(mi.Bool, count),
+        "R": R, "n": n, "virtual": mi.Point3f(image), "converged": converged, "valid": mi.Bool(converged),
+        "region": region, "iterations": iterations, "residual": walked.residual, "border": dr.zeros(mi.Bool, count),
     }  # fmt: skip
     return images, Ends(walked.on, mi.Bool(reflected)), report
 
 
 @frozen
-def _solve_several(world, shown_parts, mesh: newton.Mesh, seeds, pose: list, part, view: View, multi: int, max_iter):
+def _solve_several(
+    world, shown_parts, mesh: newton.Mesh, seeds, pose: list, part, view: View, multi: int, max_iter, doubted=None
+):  # fmt: skip
     """Virtual vertices, triangles and reports of several reflections per vertex."""
     starts = several.begin(seeds, mesh, pose, view, world.points, part, shown_parts, world.vertex_count, multi)
     walked = newton.walk(mesh, starts.where, starts.on, starts.active, max_iter, starts.touches)
@@ -162,4 +192,4 @@ def _solve_several(world, shown_parts, mesh: newton.Mesh, seeds, pose: list, par
         walked.R, walked.n, walked.converged, walked.converged, walked.residual, walked.iterations, walked.on
     )  # fmt: skip
     found = several.finish(ends, starts, mesh, pose, view, world.vertex_count, multi)
-    return branches.arranged(found, mesh, pose, world, part, shown_parts, view, multi)
+    return branches.arranged(found, mesh, pose, world, part, shown_parts, view, multi, doubted)

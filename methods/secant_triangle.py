@@ -15,15 +15,20 @@ Where we differ:
   longest edge.
 * `start = "near"` begins with a small triangle where a sphere would reflect V; the paper's begins with one as wide as the angle
   between V and E. `warm` begins at the last frame's answer.
+* Half vector and normal may nearly agree far from where they do, near a focus or the edge of a sheet. On a mirror that is not
+  convex, Newton's next step is asked for, and a search has converged only where that is short.
 * `newton = "always"` lets Newton's method on the mirror's own mesh go on from the triangle's last sample, and begin anew where
-  the triangle was lost; "restart" only the latter. It also asks one ray from eye to vertex whether the mirror hides it.
+  the triangle was lost; "restart" only what has not converged. It also asks one ray from eye to vertex whether the mirror
+  hides it.
 * The paper is silent on hidden vertices. `hidden = "drop"` leaves their triangles out; "emdt_mirror" mirrors them as Estalella
   et al. 2006 do; "clamp" puts them on the outline; "cut" ends triangles where they become hidden.
 * `depth = "screen_linear"` is the paper's: triangles span reflection points and are sorted by the distance to what is
   reflected, linear on the screen. "perspective" draws triangles in space, behind the mirror, where each image is.
 * `multi` finds up to so many reflections per vertex: triangles close in around points spread over the mirror, and the scene's
   triangles join what belongs together (kernels.several, kernels.branches). Rays ask whether the mirror hides a reflection from
-  the eye or from the vertex, and, per pixel, whether it meets itself: there it is black.
+  the eye or from the vertex.
+* On a mirror that is not convex, a root that the mirror hides from the eye is no reflection; and, with `own = "black"`, a ray
+  per pixel asks whether the mirror meets itself: there it is black. The paper knows neither.
 * `self_occlusion`: the paper's test against the mirror's nearest back. A convex mirror cannot fail it and is not asked.
 """
 
@@ -52,7 +57,7 @@ from benchharness.kernels import (
     virtual,
 )
 from benchharness.kernels.frozen import frozen
-from benchharness.scene import Reflector, Scene
+from benchharness.scene import Mesh, Reflector, Scene
 
 WIDENING = 1.25  # of tan(fov / 2), of the mirror's picture whose planes "emdt_mirror" mirrors in
 FARTHEST = 4.0  # scene diagonals: longest distance that "screen_linear" tells apart
@@ -70,11 +75,12 @@ class Options:
 
 @dataclass
 class Mirror:
-    """One reflector: as a function of direction, and as a mesh. `seeds`: where searches for several reflections may start,
-    None where there is one at most."""
+    """One reflector: as a function of direction, and as a mesh. `sheet`: what is seen of it, as a mesh; None if it is convex.
+    `seeds`: where searches for several reflections may start, None where there is one at most."""
 
     star: starmap.StarMap
     mesh: newton.Mesh
+    sheet: newton.Mesh | None
     seeds: several.Seeds | None
 
 
@@ -119,6 +125,7 @@ class SecantTriangle(Method):
     depth           "perspective", or "screen_linear" as in the paper (which knows no "cut" and no "emdt_mirror")
     self_occlusion  leave out what lies behind the mirror's own nearest back
     others          other mirrors in this one: "black", or "omitted" to show what is behind them
+    own             the mirror in itself, where it is not convex: "black", which takes one ray per pixel of it, or "omitted"
     max_iter        samples, and again points, after which a search gives up
     multi           reflections per vertex that are found and drawn; with more than one, every search is a cold one from a
                     small triangle around a point of the mirror, and hidden vertices are "cut" or their triangles dropped
@@ -135,6 +142,7 @@ class SecantTriangle(Method):
     depth: Literal["perspective", "screen_linear"] = "perspective"
     self_occlusion: bool = True
     others: Literal["black", "omitted"] = "black"
+    own: Literal["black", "omitted"] = "black"
     max_iter: Annotated[int, Field(ge=1)] = 60
     multi: Annotated[int, Field(ge=1, le=8)] = 1
 
@@ -162,9 +170,10 @@ class SecantTriangle(Method):
         for reflector in scene.reflectors:
             star, mesh = _star(reflector, self.resolution)
             walked, seeds = newton.mesh(mesh.vertices, mesh.normals, mesh.faces, backs=reflector.closed is None), None
+            sheet = None if walked.convex else _sheet(reflector, mesh, walked)
             if self.multi > 1 and not walked.convex:
                 seeds = several.seeds(mesh.vertices, mesh.normals, mesh.faces, backs=reflector.closed is None)
-            mirrors.append(Mirror(star, walked, seeds))
+            mirrors.append(Mirror(star, walked, sheet, seeds))
         corners = np.concatenate([np.asarray(part.mesh.transformed(part.pose(0.0)).vertices) for part in scene.parts])
         d_max = dr.opaque(mi.Float, FARTHEST * float(np.linalg.norm(np.ptp(corners, axis=0))))
         return State(vertexwise.scenery(scene), mirrors, [], None, d_max)
@@ -178,35 +187,47 @@ class SecantTriangle(Method):
         seen = state.scenery
         count, shown_parts = seen.triangles.vertex_count, seen.parts_shown(self.others)
         tau, max_iter = dr.opaque(mi.Float, self.tau), dr.opaque(mi.UInt32, self.max_iter)
+        doubted = dr.opaque(mi.UInt32, seen.objects) if frame.doubts else None
         policy = {"cut": "cut", "drop": "drop", "emdt_mirror": "keep", "clamp": "keep"}[self.hidden]
 
         def solve(i: int, part: mi.UInt32) -> vertexwise.Solved:
             mirror, picture, back = state.mirrors[i], None, None
             pose = placement.pose_of(frame.poses, part)
+            own = branches.meeting(mirror.mesh if mirror.sheet is None else mirror.sheet, pose, self.own, frame.doubts)
             if mirror.seeds is not None:
                 made, backtracks = _solve_several(
-                    seen.world, shown_parts, mirror, pose, part, frame.view, tau, max_iter, self.multi, options
+                    seen.world,
+                    shown_parts,
+                    mirror,
+                    pose,
+                    part,
+                    frame.view,
+                    tau,
+                    max_iter,
+                    self.multi,
+                    options,
+                    doubted,
                 )
                 more = {"backtracks": backtracks}
-                return branches.solved(made, mirror.mesh, mirror.seeds, pose, frame, i, part, self.hidden, more)
+                return branches.solved(made, mirror.mesh, mirror.seeds, pose, frame, i, part, self.hidden, own, more)
             if self.hidden == "emdt_mirror":
                 window = search.window(frame.view, frame.boxes[i], WIDENING)
                 picture = (search.render(frame.proxies[i], frame.poses, part, window.view), window.view)
-            behind = self.self_occlusion and not mirror.mesh.convex
+            behind = self.self_occlusion and mirror.mesh.closed and not mirror.mesh.convex
             if behind:
                 back = virtual.nearest_back(frame.proxies[i], frame.poses, part, frame.view)
             images, end, report, backtracks = _solve(
                 seen.world.points, shown_parts, mirror, picture, pose, part, frame.view,
                 state.view if warm else frame.view, state.ends[i] if warm else Ends.cold(count), count, state.d_max, tau,
-                max_iter, options,
+                max_iter, options, doubted,
             )  # fmt: skip
             drawing = virtual.Drawing(policy, self.depth, behind)
             hider = newton.Shadow(mirror.mesh, pose)
-            return vertexwise.Solved(images, end, report, drawing, hider, back, {"backtracks": backtracks})
+            return vertexwise.Solved(images, end, report, drawing, hider, back, {"backtracks": backtracks}, own=own)
 
         shown = vertexwise.shown(seen, frame, solve)
         vertices = Vertices(**shown.report, further=[Vertices(**report) for report in shown.further])
-        reflection = Reflection(shown.L, shown.distance, shown.found, vertices, shown.counters)
+        reflection = Reflection(shown.L, shown.distance, shown.found, vertices, shown.counters, shown.doubt)
         return reflection, replace(state, ends=shown.ends, view=frame.view)
 
 
@@ -223,12 +244,19 @@ def _star(reflector: Reflector, resolution: int, make: Callable = starmap.build)
     return make(mesh.vertices, mesh.normals, mesh.faces, resolution), mesh
 
 
+def _sheet(reflector: Reflector, mesh: Mesh, walked: newton.Mesh) -> newton.Mesh:
+    """What is seen of a reflector; `walked` if that was made of it."""
+    sheet = reflector.mesh
+    return walked if mesh is sheet else newton.mesh(sheet.vertices, sheet.normals, sheet.faces, reflector.closed is None)
+
+
 @frozen
 def _solve(
     points, shown_parts, mirror: Mirror, picture, pose: list, part, view: View, last_view: View, last: Ends, count: int, d_max,
-    tau, max_iter, options: Options,
+    tau, max_iter, options: Options, doubted,
 ):  # fmt: skip
-    """Virtual vertices, where the searches ended, what is reported of each vertex, and how often a sample came back."""
+    """Virtual vertices, where the searches ended, what is reported of each vertex, and how often a sample came back.
+    `doubted`: parts from this number on are mirrors, None where no doubt is asked for."""
     star, mesh = mirror.star, mirror.mesh
     lane, V, active = vertexwise.vertices(points, part, shown_parts, count)
     where = placement.place(pose, V, view)
@@ -246,8 +274,10 @@ def _solve(
     s = secant.solve(options.search, star, where, u, warm, triangle | (searched & warm), tau, max_iter)
     R, n, converged, residual, iterations = s.R, s.n, s.converged, s.residual, s.iterations
     behind = s.behind
+    if not mesh.convex:
+        converged = s.converged & newton.arrived(mesh, where, *newton.located(mesh, star.centre, s.u, s.converged))
     if sight is not None:
-        goes_on = searched & (mi.Bool(options.newton == "always") | ~s.converged)
+        goes_on = searched & (mi.Bool(options.newton == "always") | ~converged)
         first, met = newton.located(mesh, star.centre, s.u, goes_on & ~sight.near)
         begins_anew = goes_on & ~(met & s.converged) & ~sight.near
         candidate, promising = newton.best_candidate(mesh, where, begins_anew, shadow)
@@ -261,6 +291,10 @@ def _solve(
         behind = active & ~converged & (shadow | (dr.dot(where.V - R, n) <= 0))
     reflected = searched & ~behind & (converged | (residual < search.STRAY))
     hidden = active & (behind | shadow) & ~reflected
+    seen = None
+    if mirror.sheet is not None:
+        # A root that the mirror hides from the eye is no reflection.
+        seen = ~reflected | several.is_free(mirror.sheet, R, n, where.eye, reflected)
     u = placement.unit(R - star.centre)
     R, n = placement.point_to_world(pose, R), placement.normal_to_world(pose, n)
 
@@ -281,7 +315,14 @@ def _solve(
         image = dr.select(hidden, optics.mirrored(V, dr.select(visible, P, R), dr.select(visible, N, n)), image)
 
     kind, region = vertexwise.kinds(reflected, hidden)
-    images = virtual.Images(vertexwise.packets(image, kind, lane, count), vertexwise.packets(R, mi.Float(0), lane, count))
+    images = virtual.Images(
+        vertexwise.packets(image, kind, lane, count), vertexwise.packets(R, mi.Float(0), lane, count), seen
+    )  # fmt: skip
+    if seen is not None:
+        reflected, converged = reflected & seen, converged & seen
+        region = dr.select(seen, region, vertexwise.UNKNOWN)
+    if doubted is not None:
+        images.sure = vertexwise.sureness(n, searched & ~converged, points, lane, doubted, count)
     report = {
         "R": mi.Point3f(R), "n": mi.Normal3f(n), "virtual": mi.Point3f(image), "converged": mi.Bool(converged),
         "valid": mi.Bool(converged), "region": region, "iterations": iterations, "residual": mi.Float(residual),
@@ -294,7 +335,7 @@ def _solve(
 
 @frozen
 def _solve_several(
-    world, shown_parts, mirror: Mirror, pose: list, part, view: View, tau, max_iter, multi: int, options: Options
+    world, shown_parts, mirror: Mirror, pose: list, part, view: View, tau, max_iter, multi: int, options: Options, doubted
 ):  # fmt: skip
     """Virtual vertices, triangles and reports of several reflections per vertex, and how often a sample came back."""
     star, mesh, count = mirror.star, mirror.mesh, world.vertex_count
@@ -302,18 +343,19 @@ def _solve_several(
     where, active = starts.where, starts.active
     u = placement.unit(starts.P - star.centre)
     s = secant.solve(options.search, star, where, u, mi.Bool(True), active, tau, max_iter)
-    ends = several.Ends(s.R, s.n, s.converged, s.converged, s.residual, s.iterations, None)
+    exact = s.converged & newton.arrived(mesh, where, *newton.located(mesh, star.centre, s.u, s.converged))
+    ends = several.Ends(s.R, s.n, exact, exact, s.residual, s.iterations, None)
     if options.newton != "off":
         # On from the triangle's last sample; from its start where it was lost.
-        goes_on = active & (mi.Bool(options.newton == "always") | ~s.converged | starts.touches)
+        goes_on = active & (mi.Bool(options.newton == "always") | ~exact | starts.touches)
         first, met = newton.located(mesh, star.centre, s.u, goes_on & s.converged & ~starts.touches)
         first = newton.Where(dr.select(met, first.triangle, starts.on.triangle), dr.select(met, first.b, starts.on.b))
         walked = newton.walk(mesh, where, first, goes_on, max_iter, starts.touches)
-        converged = dr.select(goes_on, walked.converged, s.converged)
+        converged = dr.select(goes_on, walked.converged, exact)
         ends = several.Ends(
             dr.select(goes_on, walked.R, s.R), dr.select(goes_on, walked.n, s.n), converged, converged,
             dr.select(goes_on, walked.residual, s.residual), s.iterations + walked.iterations, None,
         )  # fmt: skip
     found = several.finish(ends, starts, mesh, pose, view, count, multi)
-    made = branches.arranged(found, mesh, pose, world, part, shown_parts, view, multi)
+    made = branches.arranged(found, mesh, pose, world, part, shown_parts, view, multi, doubted)
     return made, several.per_vertex(s.backtracks, count, multi)

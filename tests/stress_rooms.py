@@ -106,7 +106,8 @@ def shown(method: str, regime: str, severity: float, variant: str = "as it is", 
     answer = shaded(asked, scene, *run_up(REGIMES[regime][0].frame, scene.frames), size=SIZE, renderer=renderer)[-1]
     vertices = None
     if answer.reflection.vertices is not None:
-        arrays = {name: np.array(value).T for name, value in vars(answer.reflection.vertices).items() if name != "further"}
+        fields_of_first = {k: v for k, v in vars(answer.reflection.vertices).items() if k != "further"}
+        arrays = {name: np.array(value).T for name, value in fields_of_first.items()}
         shape = (len(scene.reflectors), scene.vertices)
         vertices = {name: a.reshape(*shape, *a.shape[1:]) for name, a in arrays.items()}
     return Shown(answer.L, answer.distance, answer.found, answer.active, vertices)

@@ -232,7 +232,7 @@ def test_cut_triangles_shine_like_whole_ones():
     images = virtual.Images(*(mi.Float(np.float32(packet).ravel()) for packet in packets))
     window = search.window(frame.view, frame.boxes[0], 1.0)
     texels = search.render(frame.proxies[0], frame.poses, dr.opaque(mi.UInt32, 0), window.view)
-    L, _, covered = virtual.draw(
+    L, _, covered, _ = virtual.draw(
         images, triangles, dr.opaque(mi.UInt32, 1), frame.view, frame.p, frame.reflector, dr.opaque(mi.Int32, 0),
         virtual.Drawing("cut"), virtual.Picture(texels, window.view),
     )  # fmt: skip

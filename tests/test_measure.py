@@ -15,7 +15,7 @@ from small_room import quad
 
 from benchharness import measure, metrics, results
 from benchharness.api import Method, Reflection
-from benchharness.measure import Bench, run_up
+from benchharness.measure import Bench, converged_share, run_up
 from benchharness.reference import ReferenceOptions
 from benchharness.scene import Object, Reflector, Scene
 from methods.environment_map import EnvironmentMap
@@ -260,6 +260,13 @@ def test_a_mirror_of_two_triangles_has_vertex_numbers_too():
     record = measured(room(mirror=sheet, camera=still()), {"search": ImageSpaceSearch()}, 0)[0][0, "search"]
     assert record["status"] == "ok"
     assert record["residual_px"] < 0.05 and record["wrong_ratio"] == 0
+
+
+def test_searches_that_came_to_nothing_count_as_not_converged_and_hidden_vertices_do_not_count():
+    """Reflected and converged, reflected and not, lost, hidden, not searched: one of three."""
+    region, iterations = np.array([1, 1, 0, 3, 0]), np.array([4, 60, 60, 9, 0])
+    assert converged_share(np.array([True, False, False, False, False]), region, iterations) == pytest.approx(1 / 3)
+    assert converged_share(np.zeros(2, bool), np.array([3, 0]), np.array([5, 0])) is None
 
 
 def test_the_run_up_is_the_frames_before_or_at_the_start_those_after():

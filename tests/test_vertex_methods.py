@@ -22,6 +22,7 @@ from benchharness.scene import Camera, Mesh, Object, Reflector
 from methods.image_space_search import ImageSpaceSearch
 from methods.newton import Newton
 from methods.secant_triangle import SecantTriangle
+from scenes.stress.basin import basin
 
 pytestmark = pytest.mark.usefixtures("module_cache")
 
@@ -237,6 +238,17 @@ def test_after_a_jump_of_the_eye_alone_a_convex_mirror_shows_what_it_does_from_a
 
     made = mirror_room(camera=jump)
     after, fresh = shaded(ALL[name], made, 0, 1, 2)[2], shaded(ALL[name], made, 2)[0]
+    assert np.abs(after.L - fresh.L).max(axis=-1)[after.active].mean() < 1e-3
+
+
+@pytest.mark.parametrize("name", ["newton", "secant_triangle"])
+def test_a_search_that_starts_at_a_root_of_another_kind_and_gets_lost_begins_anew(name):
+    """F-19: the ball was beyond the dish's focus, and is within it. Cold, its vertices are all found."""
+    made = basin(0.6)
+    before, after = shaded(ALL[name], made, 1, 2)
+    fresh = shaded(ALL[name], made, 2)[0]
+    assert vertex(before, "converged").sum() > 500 and vertex(fresh, "converged").sum() > 1000
+    assert (vertex(after, "converged") >= vertex(fresh, "converged")).all()
     assert np.abs(after.L - fresh.L).max(axis=-1)[after.active].mean() < 1e-3
 
 

@@ -49,7 +49,7 @@ def draw(made, moved, kind, at, hidden="cut", depth="perspective", whole=False, 
     window = search.window(frame.view, frame.boxes[0], 1.0)
     texels = search.render(frame.proxies[0], frame.poses, dr.opaque(mi.UInt32, 0), window.view)
     back = virtual.nearest_back(frame.proxies[0], frame.poses, dr.opaque(mi.UInt32, 0), frame.view) if behind else None
-    L, distance, covered = virtual.draw(
+    L, distance, covered, _ = virtual.draw(
         virtual.Images(mi.Float(packets.ravel()), mi.Float(points.ravel())), triangles, part, frame.view, frame.p,
         frame.reflector, dr.opaque(mi.Int32, 0), virtual.Drawing(hidden, depth, behind),
         virtual.Picture(texels, window.view), back,

@@ -47,9 +47,10 @@ class Arranged:
 
 def arranged(
     found: several.Found, mirror: newton.Mesh, pose: list, world: geometry.Geometry, part, shown_parts, view, multi: int,
-    mirrored: bool = False,
+    doubted=None, mirrored: bool = False,
 ) -> Arranged:  # fmt: skip
-    """`mirrored`: images are V mirrored in the plane at R, else V on the eye's ray through R."""
+    """`mirrored`: images are V mirrored in the plane at R, else V on the eye's ray through R. `doubted`: parts from this number
+    on are mirrors, None where no doubt is asked for."""
     count = world.vertex_count
     places = multi + 1
     lane = dr.arange(mi.UInt32, places * count)
@@ -76,6 +77,8 @@ def arranged(
     images = virtual.Images(
         vertexwise.packets(image, kind, lane, places * count), vertexwise.packets(R, code, lane, places * count)
     )
+    if doubted is not None:
+        images.sure = vertexwise.sureness(n, filled & ~of(found.converged), world.points, lane, doubted, places * count)
     image, R, region = mi.Point3f(image), mi.Point3f(R), mi.UInt32(region)
     dr.eval(images, image, R, region)
 
@@ -101,18 +104,26 @@ def arranged(
 
 def solved(
     made: Arranged, mirror: newton.Mesh, seeds: several.Seeds, pose: list, frame, i: int, part, hidden: str,
-    counters: dict[str, mi.UInt32] | None = None,
+    own: Own | None, counters: dict[str, mi.UInt32] | None = None,
 ) -> vertexwise.Solved:  # fmt: skip
     """What `vertexwise.shown` draws of mirror number i of a `benchharness.api.Frame`.
 
     hidden    as `virtual.Drawing` has it
+    own       what is asked where the mirror meets itself, or None
     counters  further work
     """
     back = virtual.nearest_back(frame.proxies[i], frame.poses, part, frame.view) if seeds.closed else None
     return vertexwise.Solved(
         made.images, None, made.reports[0], virtual.Drawing(hidden, behind=seeds.closed), newton.Shadow(mirror, pose), back,
-        {**made.counters, **(counters or {})}, made.reports[1:], made.triangles, Own(mirror, pose),
+        {**made.counters, **(counters or {})}, made.reports[1:], made.triangles, own,
     )  # fmt: skip
+
+
+def meeting(sheet: newton.Mesh, pose: list, own: str, doubts: bool) -> Own | None:
+    """What `vertexwise.Solved.own` is for a mirror that is "black" in itself, or "omitted"; `sheet` is what is seen of it. One
+    that is convex meets itself where its normals are smoother than its facets, which is only doubted."""
+    black = own == "black" and not sheet.convex
+    return Own(sheet, pose, black) if black or doubts else None
 
 
 def _repeated(images: virtual.Images, world: geometry.Geometry, places: int) -> geometry.Geometry:
@@ -208,10 +219,11 @@ def _faces(images: virtual.Images, world: geometry.Geometry, places: int) -> mi.
 
 @dataclass
 class Own:
-    """A mirror's mesh and pose, asked where the mirror meets itself."""
+    """A mirror's mesh and pose, asked where the mirror meets itself; whether it is black there, or only doubted."""
 
     mesh: newton.Mesh
     pose: list[mi.Vector4f]
+    black: bool = True
 
     def meets(self, frame, distance: mi.Float, found: mi.Bool, here: mi.Bool) -> tuple[mi.Bool, mi.Float]:
         """Whether the ray that a pixel reflects meets the mirror before what is drawn there, and how far away; one lane per

@@ -52,6 +52,7 @@ class Mesh:
     middles     8 floats per candidate: its middle, 1 if it is a mirror on both sides, unit normal there, 0
     size        of its bounding box's diagonal
     convex      whether E sees no reflection of V exactly where the mirror stands between them
+    closed      whether no back of it is ever seen
     """
 
     scene: Any
@@ -61,6 +62,7 @@ class Mesh:
     middles: mi.Float
     size: mi.Float
     convex: bool
+    closed: bool
 
 
 @dataclass
@@ -126,7 +128,7 @@ def mesh(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, backs: bo
     dr.make_opaque(size, candidates)
     return Mesh(
         geometry.ray_scene(vertices, faces), mi.Float(packed.ravel()), mi.UInt32(quads.ravel()), candidates,
-        mi.Float(middles.ravel()), size, is_convex(vertices, faces),
+        mi.Float(middles.ravel()), size, is_convex(vertices, faces), bool((tags == raster.CLOSED).all()),
     )  # fmt: skip
 
 
@@ -229,6 +231,12 @@ def look(mirror: Mesh, where: Place, on: Where, active) -> Point:
     pixels = dr.select(usable, dr.norm(mi.Vector2f(x1 - x0, y1 - y0)), dr.inf)
     front = (dr.dot(m.N, m.w_E) > 0) & (dr.dot(m.N, m.w_V) > 0)
     return Point(mi.Point3f(m.P), mi.Normal3f(m.N), dr.norm(m.f), step_b * cut, mi.Vector3f(step * cut), pixels, front)
+
+
+def arrived(mirror: Mesh, where: Place, on: Where, active) -> mi.Bool:
+    """Whether a point of the mesh is a reflection point, as near to it as an answer of `walk` that calls itself converged."""
+    at = look(mirror, where, on, active)
+    return active & at.front & (at.pixels < TRUSTED)
 
 
 MINIMUM, SADDLE, MAXIMUM = 1, 2, 3

@@ -191,14 +191,18 @@ class Found:
 
 def is_seen(mirror: newton.Mesh, where: Place, R: mi.Point3f, n: mi.Normal3f, active) -> mi.Bool:
     """Whether no part of the mirror stands between its point R and the eye, nor between R and V; mirror's space."""
-    lifted, free = R + LIFT * mirror.size * mi.Vector3f(n), mi.Bool(active)
-    for end in (where.eye, where.V):
-        d = end - lifted
-        length = dr.norm(d)
-        ray = mi.Ray3f(lifted, d * dr.rcp(dr.maximum(length, 1e-20)))
-        ray.maxt = dr.maximum(length - newton.SHADOWED * mirror.size, 0)
-        free &= ~mirror.scene.ray_test(ray, active=free)
-    return free
+    free = is_free(mirror, R, n, where.eye, active)
+    return is_free(mirror, R, n, where.V, free)
+
+
+def is_free(mirror: newton.Mesh, R: mi.Point3f, n: mi.Normal3f, end: mi.Point3f, active) -> mi.Bool:
+    """Whether no part of the mirror stands between its point R and another point, such as the eye; mirror's space."""
+    lifted = R + LIFT * mirror.size * mi.Vector3f(n)
+    d = end - lifted
+    length = dr.norm(d)
+    ray = mi.Ray3f(lifted, d * dr.rcp(dr.maximum(length, 1e-20)))
+    ray.maxt = dr.maximum(length - newton.SHADOWED * mirror.size, 0)
+    return active & ~mirror.scene.ray_test(ray, active=active)
 
 
 def finish(ends: Ends, starts: Starts, mirror: newton.Mesh, pose: list, view, count: int, multi: int) -> Found:

@@ -82,11 +82,12 @@ def posed(seen: Scenery, frame) -> Scenery:
 @dataclass
 class Shown:
     """The fields of `benchharness.api.Reflection`, those of its `vertices` as `report` and `further`, and per mirror what the
-    next frame starts from."""
+    next frame starts from. `doubt`: None where it is not asked for."""
 
     L: mi.Color3f
     distance: mi.Float
     found: mi.Bool
+    doubt: mi.Bool | None
     report: dict[str, Any]
     counters: dict[str, mi.UInt32]
     ends: list
@@ -96,25 +97,31 @@ class Shown:
 def shown(seen: Scenery, frame, solve: Callable[[int, mi.UInt32], Solved]) -> Shown:
     """The reflection in all mirrors, each drawn in its own part of the picture."""
     count = frame.view.width * frame.view.height
-    numbers, found, solved = [dr.zeros(mi.Float, count) for _ in range(4)], dr.zeros(mi.Bool, count), []
+    numbers, solved = [dr.zeros(mi.Float, count) for _ in range(4)], []
+    found, doubt = dr.zeros(mi.Bool, count), dr.zeros(mi.Bool, count) if frame.doubts else None
     for i in range(len(frame.proxies)):
         part = dr.opaque(mi.UInt32, seen.objects + i)
         one = solve(i, part)
         window = search.window(frame.view, frame.boxes[i], 1.0)
         pixel, p, reflector, back = _within(window, frame.view.width, frame.p, frame.reflector, one.back)
-        own, length, covered = virtual.draw(
+        own, length, covered, unsure = virtual.draw(
             one.images, one.triangles or seen.world, part, window.view, p, reflector, dr.opaque(mi.Int32, i), one.drawing,
             one.hider, back,
         )  # fmt: skip
         for target, value in zip(numbers, (own.x, own.y, own.z, length), strict=True):
             dr.scatter(target, value, pixel, covered)
         dr.scatter(found, covered, pixel, covered)
+        if doubt is not None:
+            dr.scatter(doubt, unsure, pixel, unsure)
         solved.append(one)
     L, distance = mi.Color3f(*numbers[:3]), numbers[3]
     for i, one in enumerate(solved):
         if one.own is not None:
             met, t = one.own.meets(frame, distance, found, frame.reflector == i)
-            L, distance, found = dr.select(met, 0, L), dr.select(met, t, distance), found | met
+            if doubt is not None:
+                doubt |= met
+            if one.own.black:
+                L, distance, found = dr.select(met, 0, L), dr.select(met, t, distance), found | met
     if seen.surroundings is not None:
         # What no triangle covers is the surroundings if the scene has any, else unanswered.
         sky = frame.active & ~found
@@ -126,7 +133,7 @@ def shown(seen: Scenery, frame, solve: Callable[[int, mi.UInt32], Solved]) -> Sh
     names = dict.fromkeys(name for one in solved for name in one.counters)
     counters = {name: _joined([_counted(one, name) for one in solved]) for name in names}
     ends = [one.end for one in solved]
-    return Shown(L, distance, found, report, {"iterations": report["iterations"], **counters}, ends, further)
+    return Shown(L, distance, found, doubt, report, {"iterations": report["iterations"], **counters}, ends, further)
 
 
 def _place(one: Solved, k: int) -> dict[str, Any]:
@@ -199,6 +206,12 @@ def packets(values: mi.Point3f, fourth: mi.Float, lane: mi.UInt32, count: int) -
     out = dr.empty(mi.Float, 4 * count)
     dr.scatter(out, mi.Vector4f(values.x, values.y, values.z, fourth), lane)
     return out
+
+
+def sureness(n: mi.Normal3f, unsure: mi.Bool, points: mi.Float, lane: mi.UInt32, objects: mi.UInt32, count: int) -> mi.Float:
+    """`virtual.Images.sure` of vertices `lane` of `points`: not sure is also what other mirrors show, which is not drawn."""
+    part = mi.UInt32(dr.gather(mi.Float, points, 4 * (lane % (dr.width(points) // 4)) + 3))
+    return packets(mi.Point3f(n), dr.select(unsure | (part >= objects), mi.Float(1), 0), lane, count)
 
 
 def kinds(reflected: mi.Bool, hidden: mi.Bool) -> tuple[mi.Float, mi.UInt32]:

@@ -20,7 +20,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import geometry, raster, search
+from benchharness.kernels import bent, geometry, raster, search
 from benchharness.kernels.frozen import frozen
 
 NONE, REFLECTED, HIDDEN = 0, 1, 2
@@ -36,10 +36,14 @@ class Images:
 
     moved  virtual position (what the rasterizer sorts by), kind
     at     reflection point, free
+    seen   whether the eye sees the reflection point; None where it sees all. Triangles with none that is seen are not drawn
+    sure   packets: the mirror's normal there, and 1 where what is shown may be wrong; None where no doubt is asked for
     """
 
     moved: mi.Float
     at: mi.Float
+    seen: mi.Bool | None = None
+    sure: mi.Float | None = None
 
 
 @dataclass
@@ -81,7 +85,7 @@ def draw(
     images: Images, triangles: geometry.Geometry, part, view, p: mi.Point3f, reflector, layer, drawing: Drawing, hider=None,
     back: mi.Float | None = None,
 ):  # fmt: skip
-    """What one mirror shows: radiance, length of the reflected ray, coverage, one lane per pixel; 0 where it is not seen.
+    """What one mirror shows: radiance, length of the reflected ray, coverage, doubt; a lane per pixel, 0 where it is not seen.
 
     triangles         the scene in world space; from `geometry.placed`, so that highlights are those that each pixel's `p` sees
     part              number of the mirror's part, which does not show itself
@@ -90,11 +94,14 @@ def draw(
     hider             what is asked whether the mirror hides a point, such as `Picture`; needed for "cut"
     back              1 / depth of the mirror's nearest back at each pixel, 0 for none (`nearest_back`); needed for `behind`
     """
-    packets, shown, drawn, limit, inverse = _assembled(images, triangles, part, view, p, reflector, layer, hider, drawing)
+    packets, shown, drawn, limit, inverse, bands = _assembled(
+        images, triangles, part, view, p, reflector, layer, hider, drawing
+    )
     least = None if inverse is None else (inverse, back)
     visibility = raster.rasterize(packets, shown.faces, shown.face_count, view, limit=limit, least=least, drawn=drawn)
     spans = images.at if drawing.depth == "screen_linear" else packets
-    return _shown(packets, spans, shown, visibility, view, p, reflector, layer, drawing.depth)
+    hazy = None if bands is None else bent.covered(bands, view, dr.select(reflector == layer, mi.Float(dr.inf), 0))
+    return _shown(packets, spans, shown, visibility, view, p, reflector, layer, bands, hazy, drawing.depth)
 
 
 def nearest_back(surface, poses: mi.Float, part: mi.UInt32, view) -> mi.Float:
@@ -121,7 +128,9 @@ def _inverse_depth(points, faces, visibility, view):
 
 @frozen
 @dr.syntax
-def _shown(packets, spans, triangles: geometry.Geometry, visibility, view, p: mi.Point3f, reflector, layer, depth: str):
+def _shown(
+    packets, spans, triangles: geometry.Geometry, visibility, view, p: mi.Point3f, reflector, layer, bands, hazy, depth: str
+):
     """`spans`: the points that triangles lie between, in whose plane what they carry is interpolated."""
     pixel = dr.arange(mi.UInt32, view.width * view.height)
     own = reflector == layer
@@ -135,13 +144,18 @@ def _shown(packets, spans, triangles: geometry.Geometry, visibility, view, p: mi
             distance = dr.norm(raster.interpolate(triangles.points, face, weights, mi.Bool(True)).xyz - p)
         else:
             distance = dr.maximum(dr.norm(q - view.eye) - dr.norm(p - view.eye), 0)
-    return L, distance, hit
+    doubt = mi.Bool(False)
+    if bands is not None:
+        # A triangle that was cut is in two slots.
+        doubt = hit & dr.gather(mi.Bool, bands.doubted, triangle % (bands.count // 3), hit)
+        doubt |= own & (raster.winner_at(hazy, view, pixel, own) != raster.NONE)
+    return L, distance, hit, doubt
 
 
 @frozen
 def _assembled(images: Images, triangles: geometry.Geometry, part, view, p, reflector, layer, hider, drawing: Drawing):
-    """Virtual vertices, the triangles with what they are images of, which to draw, how near a pixel lets them come, and, where
-    what is behind is left out, 1 / depth of the vertices' reflection points.
+    """Virtual vertices, the triangles with what they are images of, which to draw, how near a pixel lets them come, where
+    what is behind is left out 1 / depth of the vertices' reflection points, and where doubt is asked for, `bent.Bands`.
 
     With "cut", two slots per triangle: one may become two. The vertices of the scene come first, then two per triangle f,
     number f and f + face_count of the rest: where it was cut.
@@ -152,6 +166,9 @@ def _assembled(images: Images, triangles: geometry.Geometry, part, view, p, refl
     kinds = [mi.UInt32(q.w) for q in corner]
     shown = (geometry.part_of(face) != part) & (kinds[0] != NONE) & (kinds[1] != NONE) & (kinds[2] != NONE)
     shown &= (kinds[0] == REFLECTED) | (kinds[1] == REFLECTED) | (kinds[2] == REFLECTED)
+    if images.seen is not None:
+        sights = [dr.gather(mi.Bool, images.seen, i) for i in (face.x, face.y, face.z)]
+        shown &= dr.any([(k == REFLECTED) & seen for k, seen in zip(kinds, sights, strict=True)])
     shown &= _turned_to_mirror(triangles.points, images.at, face, kinds)
     whole = (kinds[0] == REFLECTED) & (kinds[1] == REFLECTED) & (kinds[2] == REFLECTED)
     # A triangle that reaches behind the eye has no image.
@@ -166,7 +183,8 @@ def _assembled(images: Images, triangles: geometry.Geometry, part, view, p, refl
     nearest = dr.rcp(dr.dot(view.w, mi.Vector4f(p.x, p.y, p.z, 1)) * (1 - CONTACT))
     limit = dr.select(reflector == layer, mi.Float(dr.inf) if drawing.depth == "screen_linear" else nearest, 0)
     if drawing.hidden != "cut":
-        return images.moved, triangles, shown, limit, inverse
+        bands = None if images.sure is None else _bands(images, view, f, count, face, kinds, shown, None)
+        return images.moved, triangles, shown, limit, inverse, bands
 
     # Turn the triangle so that its first vertex is reflected and its last is hidden. A reflected pair keeps a
     # quadrilateral, i0 i1 two one; a single vertex a triangle, i0 one two.
@@ -198,7 +216,40 @@ def _assembled(images: Images, triangles: geometry.Geometry, part, view, p, refl
     if shine is not None:
         points, shine = carried[1], replace(shine, normals=carried[2], visibility=carried[3])
     lit = geometry.Geometry(points, carried[0], faces, vertex_count + 2 * count, 2 * count, shine)
-    return packets, lit, drawn, limit, inverse
+    bands = None
+    if images.sure is not None:
+        cut = (mixed, pair, turn, _pixel(view, one[0]), _pixel(view, two[0]))
+        bands = _bands(images, view, f, count, face, kinds, shown, cut)
+    return packets, lit, drawn, limit, inverse, bands
+
+
+def _bands(images: Images, view, f, count: int, face, kinds: list, shown, cut) -> bent.Bands:
+    """Of the edges between reflected corners; and of those that are cut: whether, whether two corners are reflected, which
+    comes first, and where the two edges end."""
+    index = (face.x, face.y, face.z)
+    pixels = [_pixel(view, dr.gather(mi.Vector4f, images.at, i)) for i in index]
+    ends = [bent.reflected(view, images.at, images.sure, i, x) for i, x in zip(index, pixels, strict=True)]
+    is_reflected = [k == REFLECTED for k in kinds]
+    unsure = mi.Bool(False)
+    for i, there in zip(index, is_reflected, strict=True):
+        unsure |= there & (dr.gather(mi.Float, images.sure, 4 * i + 3) > 0)
+    edges = []
+    for j, k in ((0, 1), (1, 2), (2, 0)):
+        both = is_reflected[j] & is_reflected[k]
+        edges.append([pixels[j], pixels[k], dr.select(both, bent.sagitta(ends[j], ends[k]), 0)])
+    if cut is None:
+        return bent.bands(view, f, count, edges, shown, unsure)
+    mixed, pair, turn, one, two = cut
+    first, second, _ = _turned(ends, turn)
+    whole = _turned(edges, turn)
+    other = dr.select(pair, second, first)
+    to_one, to_two = bent.sagitta_to_outline(first, one), bent.sagitta_to_outline(other, two)
+    edges = [
+        whole[0],
+        [dr.select(mixed, first.x, whole[1][0]), dr.select(mixed, one, whole[1][1]), dr.select(mixed, to_one, whole[1][2])],
+        [dr.select(mixed, other.x, whole[2][0]), dr.select(mixed, two, whole[2][1]), dr.select(mixed, to_two, whole[2][2])],
+    ]
+    return bent.bands(view, f, count, edges, shown, unsure)
 
 
 def _packed(value, lane: mi.UInt32, count: int):

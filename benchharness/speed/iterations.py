@@ -87,7 +87,7 @@ def _picture(stage: Stage, reflection: Reflection) -> np.ndarray:
         steps = mi.Float(dr.gather(mi.UInt32, vertices.iterations, there))
         light = vertexwise.packets(mi.Point3f(steps), mi.Float(0), lane, count)
         part = dr.opaque(mi.UInt32, seen.objects + i)
-        shown, _, hit = virtual.draw(
+        shown, _, hit, _ = virtual.draw(
             images, replace(seen.world, attributes=light, shine=None), part, frame.view, frame.p, frame.reflector,
             dr.opaque(mi.Int32, i), virtual.Drawing("drop"),
         )  # fmt: skip
