@@ -147,6 +147,12 @@ class SecantTriangle(Method):
     multi: Annotated[int, Field(ge=1, le=8)] = 1
 
     paper: ClassVar[str] = "Roger and Holzschuch 2006"
+    limits: ClassVar[dict[str, str]] = {
+        "F-15": "where two triangles' edges end in a third's, less than two pixels of bend open a crack between their images",
+        "F-16": "images of two triangles are bent in depth too, and of thin layers either may come out nearer",
+        "F-21": "at a focus half vector and normal agree all over the mirror, and one root cannot be told from the next",
+        "F-25, F-26": "on bumps, where two roots are about to meet, rounding moves the point that is found by pixels",
+    }
 
     def __post_init__(self) -> None:
         if self.depth == "screen_linear" and self.hidden in ("cut", "emdt_mirror"):
