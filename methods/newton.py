@@ -76,6 +76,13 @@ class Newton(Method):
     multi: Annotated[int, Field(ge=1, le=8)] = 1
 
     paper: ClassVar[str] = "Jakob and Marschner 2012"
+    limits: ClassVar[dict[str, str]] = {
+        "F-15": "where two triangles' edges end in a third's, less than two pixels of bend open a crack between their images",
+        "F-16": "images of two triangles are bent in depth too, and of thin layers either may come out nearer",
+        "F-20, F-21": "half a focal length away roots lie so close that a search may stop beside the one it calls its own",
+        "F-21": "at a focus half vector and normal agree all over the mirror, and one root cannot be told from the next",
+        "F-25, F-26": "on bumps, where two roots are about to meet, rounding moves the point that is found by pixels",
+    }
 
     def prepare(self, scene: Scene) -> State:
         mirrors = [_mesh(reflector) for reflector in scene.reflectors]

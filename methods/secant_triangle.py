@@ -16,7 +16,7 @@ Where we differ:
 * `start = "near"` begins with a small triangle where a sphere would reflect V; the paper's begins with one as wide as the angle
   between V and E. `warm` begins at the last frame's answer.
 * Half vector and normal may nearly agree far from where they do, near a focus or the edge of a sheet. On a mirror that is not
-  convex, Newton's next step is asked for, and a search has converged only where that is short.
+  convex, Newton's next step is asked for unless `newton` is off, and a search has converged only where that is short.
 * `newton = "always"` lets Newton's method on the mirror's own mesh go on from the triangle's last sample, and begin anew where
   the triangle was lost; "restart" only what has not converged. It also asks one ray from eye to vertex whether the mirror
   hides it.
@@ -147,6 +147,12 @@ class SecantTriangle(Method):
     multi: Annotated[int, Field(ge=1, le=8)] = 1
 
     paper: ClassVar[str] = "Roger and Holzschuch 2006"
+    limits: ClassVar[dict[str, str]] = {
+        "F-15": "where two triangles' edges end in a third's, less than two pixels of bend open a crack between their images",
+        "F-16": "images of two triangles are bent in depth too, and of thin layers either may come out nearer",
+        "F-21": "at a focus half vector and normal agree all over the mirror, and one root cannot be told from the next",
+        "F-25, F-26": "on bumps, where two roots are about to meet, rounding moves the point that is found by pixels",
+    }
 
     def __post_init__(self) -> None:
         if self.depth == "screen_linear" and self.hidden in ("cut", "emdt_mirror"):
@@ -274,7 +280,7 @@ def _solve(
     s = secant.solve(options.search, star, where, u, warm, triangle | (searched & warm), tau, max_iter)
     R, n, converged, residual, iterations = s.R, s.n, s.converged, s.residual, s.iterations
     behind = s.behind
-    if not mesh.convex:
+    if sight is not None and not mesh.convex:
         converged = s.converged & newton.arrived(mesh, where, *newton.located(mesh, star.centre, s.u, s.converged))
     if sight is not None:
         goes_on = searched & (mi.Bool(options.newton == "always") | ~converged)
@@ -343,7 +349,9 @@ def _solve_several(
     where, active = starts.where, starts.active
     u = placement.unit(starts.P - star.centre)
     s = secant.solve(options.search, star, where, u, mi.Bool(True), active, tau, max_iter)
-    exact = s.converged & newton.arrived(mesh, where, *newton.located(mesh, star.centre, s.u, s.converged))
+    exact = s.converged
+    if options.newton != "off":
+        exact &= newton.arrived(mesh, where, *newton.located(mesh, star.centre, s.u, s.converged))
     ends = several.Ends(s.R, s.n, exact, exact, s.residual, s.iterations, None)
     if options.newton != "off":
         # On from the triangle's last sample; from its start where it was lost.

@@ -311,9 +311,9 @@ def test_with_several_reflection_points_flags_are_honest(method, name):
     assert not (converged & (region != 1)).any()
     assert vertex(answer, "residual")[converged].max() < 0.06
     assert vertex(answer, "iterations").max() <= 2 * method.max_iter
-    # Walks end on the sheet that is seen; secants start across the opening.
+    # Walks end on the sheet that is seen; secants start across the opening, and the mirror hides some of their ends.
     others = sum(len(o.mesh.vertices) for o in made.objects)
-    assert converged.sum() > (0.9 if getattr(method, "newton", "always") == "always" else 0.7) * others
+    assert converged.sum() > (0.9 if getattr(method, "newton", "always") == "always" else 0.5) * others
     sheet = scene(made.objects, (replace(made.reflectors[0], closed=None),), made.camera)
     off = off_px(answer, sheet)
     known = off[np.isfinite(off)]
