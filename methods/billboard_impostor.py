@@ -52,6 +52,7 @@ class BillboardImpostor(Method):
 
     paper: ClassVar[str] = "Popescu et al. 2006 (billboards)"
     limits: ClassVar[dict[str, str]] = {
+        "I-04": "what goes around the mirror at a distance is in its environment map, where the rays that should meet it pass",
         "F-11, F-23, F-25": "rays that meet the mirror again elsewhere than in a hollow of one radius are not traced",
         "F-17": "texels flicker by less than two pixels, and no frame is compared with the last",
         "P-04": "a picture holds the highlights seen from its camera, and not whose surface they lie on",

@@ -72,6 +72,8 @@ class EnvironmentMap(Method):
         "F-11, F-23, F-25": "rays that meet the mirror again elsewhere than in a hollow of one radius are not traced",
         "F-17": "no frame is compared with the last",
         "F-21": "something small at the focus fills the mirror, but no texel of the levels in which the ray is looked up",
+        "F-25, F-26": "rays that meet the mirror again elsewhere than in a hollow of one radius are not traced",
+        "F-30": "what goes into the mirror fills texels only where the mirror's centre sees it",
         "I-03": "a card seen edge-on from the mirror's centre fills no texel of its map",
     }
 
