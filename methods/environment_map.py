@@ -71,6 +71,7 @@ class EnvironmentMap(Method):
         "F-03, F-08": "near its silhouette a mirror shows so much in two pixels that what is less far off differs all the same",
         "F-11, F-23, F-25": "rays that meet the mirror again elsewhere than in a hollow of one radius are not traced",
         "F-17": "no frame is compared with the last",
+        "F-18": "through a telephoto lens something small slips through between the points of the ray that are looked up",
         "F-21": "something small at the focus fills the mirror, but no texel of the levels in which the ray is looked up",
         "F-25, F-26": "rays that meet the mirror again elsewhere than in a hollow of one radius are not traced",
         "F-30": "what goes into the mirror fills texels only where the mirror's centre sees it",

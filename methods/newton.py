@@ -80,6 +80,7 @@ class Newton(Method):
         "F-15": "where two triangles' edges end in a third's, less than two pixels of bend open a crack between their images",
         "F-16": "images of two triangles are bent in depth too, and of thin layers either may come out nearer",
         "F-20, F-21": "half a focal length away roots lie so close that a search may stop beside the one it calls its own",
+        "F-20": "one reflection per vertex is looked for, and nothing says that there are more; `multi` finds them",
         "F-21": "at a focus half vector and normal agree all over the mirror, and one root cannot be told from the next",
         "F-25, F-26": "on bumps, where two roots are about to meet, rounding moves the point that is found by pixels",
     }

@@ -122,7 +122,10 @@ def work(units: Sequence[dict[str, Any]], folder: Path) -> Iterator[dict[str, An
                 continue
             record, seen = bench.show(regime.frame, entry.key, method)
             if seen is not None:
-                record["symptom"], record["trusted"] = _symptom(regime, seen), _symptom(regime, seen.trusted())
+                trusted = seen.trusted()
+                record["symptom"], record["trusted"] = _symptom(regime, seen), _symptom(regime, trusted)
+                if record["symptom"] is None:  # then FLIP takes its place
+                    record["trusted"] = trusted.record["flip"]
                 record["doubted"] = float((seen.doubt & seen.found)[seen.mask].mean()) if seen.mask.any() else 0.0
                 _keep_picture(folder, regime, severity, plan.label(entry), seen, scene.exposure)
             yield record
