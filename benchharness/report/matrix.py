@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import jinja2
 import matplotlib as mpl
 from markupsafe import Markup
 from matplotlib.figure import Figure
@@ -58,12 +57,8 @@ def write(folder: Path) -> Path:
     methods = list(dict.fromkeys(row["label"] for row in rows))
     lines = [_line(folder, name, [row for row in rows if row["regime"] == name], methods)
              for name in dict.fromkeys(row["regime"] for row in rows)]  # fmt: skip
-    loader = jinja2.FileSystemLoader(Path(__file__).parent)
-    page = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined).get_template(
-        "matrix.html.jinja"
-    )
     tallies = [{v: sum(row["verdict"] == v for row in rows if row["label"] == m) for v in results.VERDICTS} for m in methods]
-    text = page.render(rows=rows, lines=lines, methods=methods, tallies=tallies, verdicts=results.VERDICTS, extras=extras)
+    text = overtime.rendered("matrix.html.jinja", rows=rows, lines=lines, methods=methods, tallies=tallies, extras=extras)
     file = folder / "stability.html"
     results.write_atomic(file, text)
     return file

@@ -47,7 +47,7 @@ def _motion(folder: Path) -> Markup:
         out = io.StringIO()
         motion.changes(read(frames)).savefig(out, format="svg")
         curves = Markup(out.getvalue()[out.getvalue().index("<svg") :])
-    return _rendered("motion.html.jinja", tables=tables, columns=COLUMNS, jump_columns=JUMP_COLUMNS, curves=curves)
+    return rendered("motion.html.jinja", tables=tables, columns=COLUMNS, jump_columns=JUMP_COLUMNS, curves=curves)
 
 
 def _perturbation(folder: Path) -> Markup:
@@ -57,10 +57,11 @@ def _perturbation(folder: Path) -> Markup:
     kinds = list(dict.fromkeys((row["kind"], row["size"]) for row in rows))
     methods, scenes = (list(dict.fromkeys(row[key] for row in rows)) for key in ("label", "scene"))
     found = {(row["scene"], row["kind"], row["label"]): row for row in rows}
-    return _rendered("perturbation.html.jinja", kinds=kinds, methods=methods, scenes=scenes, found=found)
+    return rendered("perturbation.html.jinja", kinds=kinds, methods=methods, scenes=scenes, found=found)
 
 
-def _rendered(template: str, **values: object) -> Markup:
+def rendered(template: str, **values: object) -> Markup:
+    """A template of this folder; it knows `verdicts`, and the filter `short` for numbers of a table."""
     loader = jinja2.FileSystemLoader(Path(__file__).parent)
     page = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
     page.filters["short"] = lambda text: f"{float(text):.3g}" if text else ""

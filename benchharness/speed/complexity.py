@@ -7,7 +7,7 @@ have several reflections, and parts of which it shows in itself. Both fill about
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -81,13 +81,3 @@ def study(base: Scene, size: tuple[int, int], index: int, rounds: int, say: Call
         dict(zip(SAMPLE_COLUMNS, (*key[1:], i, ms), strict=True)) for key, all_ in times.items() for i, ms in enumerate(all_)
     ]
     return rows, samples
-
-
-def ratios(rows: Sequence[dict[str, Any]], column: str) -> list[dict[str, Any]]:
-    """Per shape and method: `column` at the most complex mirror over that at the least."""
-    found = []
-    for shape, name in dict.fromkeys((row["shape"], row["method"]) for row in rows):
-        values = [row[column] for row in rows if (row["shape"], row["method"]) == (shape, name) and row.get(column) is not None]
-        if len(values) > 1:
-            found.append({"shape": shape, "method": name, column: values[-1] / values[0]})
-    return found
