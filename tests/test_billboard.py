@@ -227,15 +227,17 @@ def test_a_point_counts_from_half_coverage_and_its_colour_is_what_is_covered():
 # Mip levels
 
 
-def test_the_level_is_that_at_which_texels_are_as_wide_as_rays_are_apart():
+def test_the_level_is_that_at_which_texels_are_as_long_as_rays_are_apart_whichever_side_is_the_longer():
     made = quads()
     pictures = billboard.Pictures(made.pictures.texels, SIZE, True)
-    axis = made.a / made.half[:, :1]
-    packet = mi.Vector4f(*(device(column) for column in axis.T), 0)
+    axes = (made.a / made.half[:, :1], made.b / made.half[:, 1:])
+    one, other = (mi.Vector4f(*(device(column) for column in axis.T), 0) for axis in axes)
+    assert (made.half[:, 0] != made.half[:, 1]).any()
     for factor in (1.0, 2.0, 8.0, 0.5):
-        level = billboard.level_of(pictures, packet, device(factor * 2 * made.half[:, 0] / SIZE))
-        np.testing.assert_allclose(np.array(level), np.log2(factor), atol=1e-4)
-    assert np.isfinite(np.array(billboard.level_of(pictures, packet, mi.Float(0)))).all()
+        apart = device(factor * 2 * made.half.max(axis=1) / SIZE)
+        for a, b in ((one, other), (other, one)):
+            np.testing.assert_allclose(np.array(billboard.level_of(pictures, a, b, apart)), np.log2(factor), atol=1e-4)
+    assert np.isfinite(np.array(billboard.level_of(pictures, one, other, mi.Float(0)))).all()
 
 
 def test_rays_that_part_are_as_far_apart_as_the_nearer_of_both_neighbours():

@@ -165,9 +165,13 @@ def none() -> Hit:
     return Hit(mi.Float(dr.inf), mi.UInt32(NONE), mi.Vector4f(0), mi.UInt32(0))
 
 
-def level_of(pictures: Pictures, a: mi.Vector4f, apart: mi.Float) -> mi.Float:
-    """The mip level at which texels are as wide as `apart`, metres; `a`: the second packet of the quad."""
-    return dr.log2(dr.maximum(apart * (0.5 * pictures.size) * dr.norm(a.xyz), 1e-9))
+def level_of(pictures: Pictures, a: mi.Vector4f, b: mi.Vector4f, apart: mi.Float) -> mi.Float:
+    """The mip level at which texels are as long as `apart`, metres; `a`, `b`: the second and third packet of the quad.
+
+    Along its longer side: what is drawn out stays sharp, and which side is the first must not matter.
+    """
+    per_metre = 0.5 * pictures.size * dr.minimum(dr.norm(a.xyz), dr.norm(b.xyz))
+    return dr.log2(dr.maximum(apart * per_metre, 1e-9))
 
 
 @dataclass
@@ -226,7 +230,8 @@ def _missed(pictures: Pictures, slot: mi.UInt32, quad: Quad, spread: Spread, nea
         way = quad.way(spread)
         near = way.within & way.off & (way.lo < nearer)
         q = mi.Vector3f(quad.o) + 0.5 * (way.lo + way.hi) * quad.d - mi.Vector3f(quad.middle.xyz)
-        level = level_of(pictures, quad.a, (way.hi - way.lo) * dr.sqrt(dr.maximum(1 - dr.square(quad.along), 0)))
+        across = (way.hi - way.lo) * dr.sqrt(dr.maximum(1 - dr.square(quad.along), 0))
+        level = level_of(pictures, quad.a, quad.b, across)
         there = sample(pictures, slot, dr.dot(q, quad.a.xyz), dr.dot(q, quad.b.xyz), level, near)
         t = dr.select(near & (there.w > COVERED), way.lo, t)
     return t
@@ -258,7 +263,7 @@ def nearest(
         inside = listed & (distance > least) & (distance < t) & (dr.abs(x) <= 1) & (dr.abs(y) <= 1)
         quad, passes = Quad(middle, a, b, k, o, d, least, distance, along), mi.Bool(listed)
         if inside:  # most rays miss most quads
-            found = sample(pictures, candidate, x, y, level_of(pictures, a, spread.at(distance)), mi.Bool(True))
+            found = sample(pictures, candidate, x, y, level_of(pictures, a, b, spread.at(distance)), mi.Bool(True))
             opaque = found.w > OPAQUE
             t, slot = dr.select(opaque, distance, t), dr.select(opaque, candidate, slot)
             value = dr.select(opaque, found * dr.rcp(dr.maximum(found.w, OPAQUE)), value)

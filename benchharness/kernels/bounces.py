@@ -140,8 +140,8 @@ def _nearest(cast: Cast, manner: Manner, objects: bool, mirror, o, d, apart, act
     columns = reliefs.objects if objects else reliefs.columns
     deep = relief.nearest(reliefs, columns, mirror, o, d, met.t, manner.jump, manner.anchor, active)
     closer = active & (deep.t < dr.inf)
-    a = dr.gather(mi.Vector4f, cast.boards.quads, deep.slot * 4 + 1, closer)
-    level = billboard.level_of(cast.pictures, a, apart.at(dr.select(closer, deep.t, 0)))
+    a, b = (dr.gather(mi.Vector4f, cast.boards.quads, deep.slot * 4 + i, closer) for i in (1, 2))
+    level = billboard.level_of(cast.pictures, a, b, apart.at(dr.select(closer, deep.t, 0)))
     value = billboard.sample(cast.pictures, deep.slot, deep.x, deep.y, level, closer)
     value *= dr.rcp(dr.maximum(value.w, LEAST_COVERAGE))
     t, slot = dr.select(closer, deep.t, met.t), dr.select(closer, deep.slot, met.slot)
