@@ -7,7 +7,9 @@
              normals here: what is lit does not depend on vertex normals. The material is a conductor of reflectance
              zero rather than a black diffuse one, which keeps the path integrator from sampling emitters: without that
              the picture has no noise at all. Highlights of point lights on objects with gloss are part of what they
-             emit, with the baked visibility of the lights that the methods use too; there are no shadow rays.
+             emit, with the baked visibility of the lights that the methods use too; there are no shadow rays. All objects
+             without gloss are one mesh: what Mitsuba does before it traces grows with the square of the number of emitters,
+             and took ten times as long as the rays of a small picture.
 "transport"  Objects are diffuse on both sides (`Mesh.albedo`, vertex normals), glossy where they have gloss (which reflects
              everything, not only point lights), and emit where their author said so; point lights cast traced shadows.
              Mitsuba can sample an emitter of constant radiance only: from one of a `mesh_attribute` most of the light
@@ -31,7 +33,7 @@ import numpy as np
 
 from benchharness import mitsuba_gloss
 from benchharness.cache import source_hash
-from benchharness.scene import Mesh, Object, PointLight, Reflector, Scene
+from benchharness.scene import Gloss, Mesh, Object, PointLight, Reflector, Scene, merged
 
 LIGHTINGS = ("baked", "transport")
 
@@ -47,6 +49,7 @@ def mitsuba_scene(scene: Scene, time: float, lighting: str, marks: Sequence[np.n
         raise ValueError(f"lighting is {lighting!r}; accepted: {', '.join(LIGHTINGS)}")
     marks = [np.zeros(len(part.mesh.faces)) for part in scene.parts] if marks is None else marks
     shapes: list[mi.Mesh] = []
+    matt: list[tuple[Mesh, np.ndarray]] = []
     around = _surroundings(scene)
     sampled = around is not None
     for part, mark in zip(scene.parts, marks, strict=True):
@@ -54,11 +57,19 @@ def mitsuba_scene(scene: Scene, time: float, lighting: str, marks: Sequence[np.n
         if isinstance(part, Reflector):
             shapes.append(_mesh(part.name, mesh, mark, bsdf=_conductor(part)))
         elif lighting == "baked":
-            shapes.append(_baked(part, mesh, mark, scene.lights))
+            if mesh.radiance is None:
+                raise ValueError(f"object {part.name} has no radiance; accepted with baked lighting: what `bake` returned")
+            if part.gloss is not None and scene.lights:
+                shapes.append(_shining(part, part.gloss, mesh, mark, scene.lights))
+            else:
+                matt.append((mesh, mark))
         else:
             for chosen, emission in _by_emission(mesh):
                 shapes.append(_lit(part, mesh, chosen, mark, emission))
                 sampled |= emission is not None and bool(emission.any())
+    if matt:
+        meshes, of_faces = zip(*matt, strict=True)
+        shapes.append(_emitting("objects", merged(*meshes), np.concatenate(of_faces)))
     content: dict = {f"shape_{i:04d}": shape for i, shape in enumerate(shapes)}
     if lighting == "transport":
         for i, light in enumerate(scene.lights):
@@ -121,17 +132,20 @@ def _conductor(reflector: Reflector) -> mi.BSDF:
     return mi.load_dict({"type": "twosided", "bsdf": {"type": "conductor", **metal}})
 
 
-def _baked(part: Object, mesh: Mesh, mark: np.ndarray, lights: Sequence[PointLight]) -> mi.Mesh:
-    if mesh.radiance is None:
-        raise ValueError(f"object {part.name} has no radiance; accepted with baked lighting: a scene that `bake` returned")
+def _emitting(name: str, mesh: Mesh, mark: np.ndarray, radiance: mi.Texture | dict | None = None) -> mi.Mesh:
+    """What shines with its baked radiance, or as told."""
     black = mi.load_dict({"type": "conductor", "specular_reflectance": _rgb((0, 0, 0))})
-    shines = part.gloss is not None and len(lights) > 0
     baked = {"type": "mesh_attribute", "name": "vertex_radiance"}
-    emitter = mi.load_dict({"type": "area", "radiance": mitsuba_gloss.radiance(part.gloss, lights) if shines else baked})
-    shape = _mesh(part.name, mesh, mark, bsdf=black, emitter=emitter, face_normals=True)
+    emitter = mi.load_dict({"type": "area", "radiance": baked if radiance is None else radiance})
+    shape = _mesh(name, mesh, mark, bsdf=black, emitter=emitter, face_normals=True)
     shape.add_attribute("vertex_radiance", 3, np.float32(mesh.radiance).ravel())
-    if shines:
-        mitsuba_gloss.describe(shape, mesh.normals, part.seen(len(lights)))
+    return shape
+
+
+def _shining(part: Object, gloss: Gloss, mesh: Mesh, mark: np.ndarray, lights: Sequence[PointLight]) -> mi.Mesh:
+    """The same, with the highlights of lights."""
+    shape = _emitting(part.name, mesh, mark, mitsuba_gloss.radiance(gloss, lights))
+    mitsuba_gloss.describe(shape, mesh.normals, part.seen(len(lights)))
     return shape
 
 

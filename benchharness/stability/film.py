@@ -142,8 +142,9 @@ def _corners(scene: Scene, time: float) -> np.ndarray:
     return seen / np.maximum(np.linalg.norm(seen, axis=1, keepdims=True), 1e-9)
 
 
-def carried(scene: Scene, method: Method, state: Any, frames: Iterable[Frame]) -> Iterator[tuple[Frame, Reflection]]:
-    """A method's answers to frames in order: updated at the first and where a part moved, its state handed on.
+def carried(scene: Scene, method: Method, state: Any, frames: Iterable[Frame]) -> Iterator[tuple[Frame, Reflection, Any]]:
+    """A method's answers to frames in order, and the state that each was shaded from: updated at the first frame and where a
+    part moved, else as the frame before left it.
 
     state  what `prepare` returned
     """
@@ -151,7 +152,14 @@ def carried(scene: Scene, method: Method, state: Any, frames: Iterable[Frame]) -
     for frame in frames:
         if before is None or scene.moves(before, frame.time):
             state, _ = timing.timed(lambda state=state, frame=frame: method.update(state, frame))
-        (reflection, state), _ = timing.timed(lambda state=state, frame=frame: method.shade(state, frame))
-        check_lanes(reflection, frame)
+        at = state
+        reflection, state = shaded(method, at, frame)
         before = frame.time
-        yield frame, reflection
+        yield frame, reflection, at
+
+
+def shaded(method: Method, state: Any, frame: Frame) -> tuple[Reflection, Any]:
+    """What `method.shade` returns, evaluated. Raises ValueError for wrong lanes."""
+    (reflection, state), _ = timing.timed(lambda: method.shade(state, frame))
+    check_lanes(reflection, frame)
+    return reflection, state

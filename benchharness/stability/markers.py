@@ -24,9 +24,9 @@ from benchharness import metrics, reference
 from benchharness.api import Frame, Method, View
 from benchharness.frame import FrameRenderer
 from benchharness.scene import PointLight, Scene
-from benchharness.stability.film import OPTIONS, Film, carried
+from benchharness.stability.film import OPTIONS, Film, carried, shaded
 
-SIDE = 3  # places per pixel along each axis
+SIDE = 3  # places per pixel along each axis; odd, so that the centre is one of them
 LEAST_PX = 80  # pixels of an image, in every frame
 MOST = 0.3  # share of its mirror's pixels: what is larger is a surrounding, cut off by the mirror's edge
 COLOURS = 3
@@ -133,17 +133,27 @@ class Markers:
         return places - self.truth
 
     def _shown(self, method: Method) -> list[np.ndarray]:
-        """What the mirrors show, 0 elsewhere, at every place: [SIDE H, SIDE W, 3] per frame."""
+        """What the mirrors show, 0 elsewhere, at every place: [SIDE H, SIDE W, 3] per frame.
+
+        All places of a frame start from one state: what moved was taken in once, and the pixels' centres carry it on.
+        """
         width, height = self.film.size
         out = [np.zeros((SIDE * height, SIDE * width, 3), np.float32) for _ in self.film.numbers]
         renderer, state = FrameRenderer(self.scene, width, height), method.prepare(self.scene)
-        for down, right in product(range(SIDE), repeat=2):
-            offset = ((right + 0.5) / SIDE - 0.5, (down + 0.5) / SIDE - 0.5)
-            frames = (_shifted(renderer, i, *offset) for i in self.film.numbers)
-            for k, (frame, reflection) in enumerate(carried(self.scene, method, state, frames)):
-                L = np.broadcast_to(np.array(reflection.L, np.float32).T, (width * height, 3))
-                L = np.where(np.isfinite(L) & np.array(frame.active)[:, None], L, 0)
-                out[k][down::SIDE, right::SIDE] = L.reshape(height, width, 3)
+        middle = SIDE // 2
+        for k, (frame, reflection, at) in enumerate(
+            carried(self.scene, method, state, (renderer.render(i) for i in self.film.numbers))
+        ):
+            places = out[k].reshape(height, SIDE, width, SIDE, 3)
+            for down, right in product(range(SIDE), repeat=2):
+                if (down, right) == (middle, middle):
+                    there, shown = frame, reflection
+                else:
+                    there = _shifted(renderer, frame.index, (right - middle) / SIDE, (down - middle) / SIDE)
+                    shown = shaded(method, at, there)[0]
+                L = np.broadcast_to(np.array(shown.L, np.float32).T, (width * height, 3))
+                L = np.where(np.isfinite(L) & np.array(there.active)[:, None], L, 0)
+                places[:, down, :, right] = L.reshape(height, width, 3)
         return out
 
 

@@ -39,7 +39,7 @@ def run(film: Film, method: Method) -> Shown:
     """All frames in order; after a jump each of them once more from a cold start."""
     renderer, state, shown = FrameRenderer(film.scene, *film.size), method.prepare(film.scene), Shown()
     frames = (renderer.render(i) for i in film.numbers)
-    for k, (frame, reflection) in enumerate(carried(film.scene, method, state, frames)):
+    for k, (frame, reflection, _) in enumerate(carried(film.scene, method, state, frames)):
         image, mask = _picture(renderer, frame, reflection), film.mask(k, frame)
         shown.images.append(image)
         shown.masks.append(mask)
@@ -50,7 +50,7 @@ def run(film: Film, method: Method) -> Shown:
         if vertices is not None:
             shown.vertices.append(vertices)
     for i in () if film.jump is None else range(film.jump, film.first + film.count):
-        ((frame, reflection),) = carried(film.scene, method, state, [renderer.render(i)])
+        ((frame, reflection, _),) = carried(film.scene, method, state, [renderer.render(i)])
         k = i - film.first
         error = _error(film, k, _picture(renderer, frame, reflection), shown.masks[k])
         shown.cold.append((_mean(error, shown.masks[k]), _vertices(reflection)))
