@@ -6,10 +6,13 @@ shows is not asked.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from benchharness import inside, truth
 from benchharness.regime import Seen
+from benchharness.scene import Scene
 
 SAMPLE = 40  # vertices per mirror; one costs two passes over the mirror's triangles
 FOUND_PX = 2.0  # further off than this is another point
@@ -20,20 +23,12 @@ def counted(seen: Seen) -> tuple[int, int] | None:
     """(found, all) reflections within the picture of a sample of the objects' vertices; None for methods without vertices."""
     if seen.vertices is None:
         return None
-    scene, time = seen.scene, seen.time
-    camera, (height, width) = scene.camera(time), seen.mask.shape
-    V = np.concatenate([part.mesh.transformed(part.pose(time)).vertices for part in scene.parts])
-    objects = sum(len(part.mesh.vertices) for part in scene.objects)
-    chosen = np.unique(np.linspace(0, objects - 1, SAMPLE).astype(int))
+    scene, (height, width) = seen.scene, seen.mask.shape
+    camera = scene.camera(seen.time)
     slots = [seen.vertices, *seen.vertices["further"]]
     found = total = 0
-    for number, reflector in enumerate(scene.reflectors):
-        mesh = reflector.mesh.transformed(reflector.pose(time))
-        both = reflector.closed is None and not inside.is_closed(mesh)
-        points, shown = truth.every_reflection_point(
-            mesh.vertices, mesh.normals, mesh.faces, np.asarray(camera.eye), V[chosen], both
-        )
-        lanes = number * len(V) + chosen
+    for number, (chosen, points, shown) in enumerate(_true(scene, seen.time)):
+        lanes = number * scene.vertices + chosen
         R = np.stack([slot["R"][lanes] for slot in slots], axis=1).astype(np.float64)
         filled = np.stack([slot["region"][lanes] == REFLECTED for slot in slots], axis=1)
         pixels = np.where(filled[..., None], truth.on_screen(R, camera, width, height), np.inf)
@@ -43,6 +38,21 @@ def counted(seen: Seen) -> tuple[int, int] | None:
             total += len(at)
             found += sum(bool((np.linalg.norm(own - one, axis=1) < FOUND_PX).any()) for one in at)
     return found, total
+
+
+@lru_cache(maxsize=1)
+def _true(scene: Scene, time: float) -> list[tuple[np.ndarray, list[np.ndarray], list[np.ndarray]]]:
+    """Per mirror: numbers of the sampled vertices, and what `truth.every_reflection_point` has of them. Every method asks."""
+    eye = np.asarray(scene.camera(time).eye)
+    V = np.concatenate([part.mesh.transformed(part.pose(time)).vertices for part in scene.parts])
+    objects = sum(len(part.mesh.vertices) for part in scene.objects)
+    chosen = np.unique(np.linspace(0, objects - 1, SAMPLE).astype(int))
+    found = []
+    for reflector in scene.reflectors:
+        mesh = reflector.mesh.transformed(reflector.pose(time))
+        both = reflector.closed is None and not inside.is_closed(mesh)
+        found.append((chosen, *truth.every_reflection_point(mesh.vertices, mesh.normals, mesh.faces, eye, V[chosen], both)))
+    return found
 
 
 def missing(seen: Seen) -> float | None:

@@ -16,6 +16,7 @@ from scipy.spatial import KDTree
 from benchharness.scene import Camera, Scene
 
 STEPS = 12
+SETTLED = 1e-13  # barycentric: when no step is longer, none will be
 LONGEST = 0.25  # barycentric; Newton's own steps overshoot on triangles as large as the mirror
 INSIDE = 1e-6  # barycentric tolerance: a point on an edge belongs to both triangles
 NEIGHBOURLY = 1.0  # barycentric; a start this far outside of a triangle may lead into it, as the mismatch is not linear
@@ -32,17 +33,26 @@ def _unit(v: np.ndarray) -> np.ndarray:
     return v / np.maximum(np.sqrt(_dot(v, v)), 1e-300)[..., None]
 
 
+def _tangents(p: np.ndarray) -> np.ndarray:
+    """Two unit vectors along each triangle p [..., 3, 3], at right angles: [..., 2, 3]."""
+    one, other = p[..., 1, :] - p[..., 0, :], p[..., 2, :] - p[..., 0, :]
+    s = _unit(one)
+    return np.stack([s, np.cross(_unit(np.cross(one, other)), s)], axis=-2)
+
+
 def _mismatch(
-    b: np.ndarray, p: np.ndarray, n: np.ndarray, eye: np.ndarray, V: np.ndarray
+    b: np.ndarray, p: np.ndarray, n: np.ndarray, tangents: np.ndarray, eye: np.ndarray, V: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Half vector minus normal, seen along two tangents [..., 2], with point and normal; b [..., 2], p and n [..., 3, 3]."""
+    """`_bent` at b [..., 2] on triangles p, n [..., 3, 3]; with the point and the normal there."""
     weights = np.concatenate([1 - b[..., :1] - b[..., 1:], b], axis=-1)
     P, N = np.einsum("...k,...ki->...i", weights, p), _unit(np.einsum("...k,...ki->...i", weights, n))
+    return _bent(P, N, tangents, eye, V), P, N
+
+
+def _bent(P: np.ndarray, N: np.ndarray, tangents: np.ndarray, eye: np.ndarray, V: np.ndarray) -> np.ndarray:
+    """Half vector minus normal at P, seen along both tangents, [..., 2]."""
     h = _unit(_unit(eye - P) + _unit(V - P))
-    s = _unit(p[..., 1, :] - p[..., 0, :])
-    t = np.cross(_unit(np.cross(p[..., 1, :] - p[..., 0, :], p[..., 2, :] - p[..., 0, :])), s)
-    f = h - N
-    return np.stack([_dot(f, s), _dot(f, t)], axis=-1), P, N
+    return np.einsum("...ki,...i->...k", tangents, h - N)
 
 
 def reflection_points(
@@ -75,17 +85,21 @@ def reflection_points(
 
 def _solved(p, n, eye, V, b) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Newton's method from b [..., 2] on triangles p, n [..., 3, 3]: points, which are reflection points, and normals."""
-    h = 1e-6
+    h, tangents = 1e-6, _tangents(p)
+    beside = h * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]).reshape(3, *[1] * (b.ndim - 1), 2)
     for _ in range(STEPS):
-        f, *_ = _mismatch(b, p, n, eye, V)
-        J = np.stack([(_mismatch(b + h * np.eye(2)[k], p, n, eye, V)[0] - f) / h for k in (0, 1)], axis=-1)
+        f, right, up = _mismatch(b + beside, p, n, tangents, eye, V)[0]
+        J = np.stack([right - f, up - f], axis=-1) / h
         det = J[..., 0, 0] * J[..., 1, 1] - J[..., 0, 1] * J[..., 1, 0]
         det = np.where(np.abs(det) < 1e-12, np.inf, det)
         step = np.stack(
             [J[..., 1, 1] * f[..., 0] - J[..., 0, 1] * f[..., 1], J[..., 0, 0] * f[..., 1] - J[..., 1, 0] * f[..., 0]], axis=-1
         )
-        b = np.clip(b - np.clip(step / det[..., None], -LONGEST, LONGEST), -4, 4)
-    f, P, N = _mismatch(b, p, n, eye, V)
+        step = np.clip(step / det[..., None], -LONGEST, LONGEST)
+        b = np.clip(b - step, -4, 4)
+        if not np.abs(step).max(initial=0) > SETTLED:
+            break
+    f, P, N = _mismatch(b, p, n, tangents, eye, V)
     inside = (b >= -INSIDE).all(axis=-1) & (b.sum(axis=-1) <= 1 + INSIDE)
     valid = inside & (np.abs(f).max(axis=-1) < 1e-7) & (_dot(eye - P, N) > 0) & (_dot(V - P, N) > 0)
     return P, valid, N
@@ -108,10 +122,10 @@ def every_reflection_point(
         away = (np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) * (eye - p[:, 0])).sum(axis=1) < 0
         n = np.where(away[:, None, None], -n, n)
     size = np.linalg.norm(np.ptp(vertices, axis=0))
-    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    tangents, corners, normals_there = _tangents(p), p.swapaxes(0, 1), _unit(n).swapaxes(0, 1)
     points, shown = [], []
     for v in np.asarray(V, np.float64):
-        f = np.stack([_mismatch(np.broadcast_to(b, (len(p), 2)), p, n, eye, v)[0] for b in corners])
+        f = _bent(corners, normals_there, tangents, eye, v)
         J = np.stack([f[1] - f[0], f[2] - f[0]], axis=-1)
         det = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
         det = np.where(np.abs(det) < 1e-14, np.inf, det)

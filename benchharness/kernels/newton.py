@@ -144,7 +144,8 @@ def spread(vertices: np.ndarray, faces: np.ndarray, count: int) -> np.ndarray:
     for _ in range(min(count, len(faces))):
         as_far = distance >= (1 - TIED) * distance.max()
         chosen.append(int(np.where(as_far, along, -np.inf).argmax()))
-        distance = np.minimum(distance, np.linalg.norm(middles - middles[chosen[-1]], axis=1))
+        away = middles - middles[chosen[-1]]
+        distance = np.minimum(distance, np.sqrt(np.einsum("ij,ij->i", away, away)))
     return np.array(chosen)
 
 

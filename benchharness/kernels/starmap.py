@@ -140,18 +140,21 @@ def _met(vertices, normals, faces, centre, d) -> tuple[np.ndarray, np.ndarray, n
     ray = mi.Vector3f(np.asarray(d, np.float32).T)
     first = scene.ray_intersect_preliminary(mi.Ray3f(mi.Point3f(0), ray))
     hit = first.is_valid()
-    second = scene.ray_test(mi.Ray3f(ray * (first.t * (1 + STEP)), ray), hit)
-    hit, again, triangle = np.array(hit), np.array(second & hit), np.array(first.prim_index).astype(np.int64)
+    again = scene.ray_test(mi.Ray3f(ray * (first.t * (1 + STEP)), ray), hit)
 
     # The hit once more in float64: the rays only tell which triangle.
-    triangle = np.where(hit, triangle, 0)
-    a, b, c = (np.asarray(vertices, np.float64)[faces[triangle, k]] - centre for k in range(3))
-    weights = np.stack([(d * np.cross(b, c)).sum(1), (d * np.cross(c, a)).sum(1), (d * np.cross(a, b)).sum(1)], axis=1)
-    weights /= np.where(hit, weights.sum(axis=1), 1)[:, None]
-    point = weights[:, :1] * a + weights[:, 1:2] * b + weights[:, 2:] * c
-    normal = sum(weights[:, k : k + 1] * np.asarray(normals)[faces[triangle, k]] for k in range(3))
-    normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-    return (point * d).sum(axis=1), normal, hit, again
+    corner = [dr.gather(mi.UInt32, mi.UInt32(np.uint32(faces).ravel()), 3 * first.prim_index + k, hit) for k in range(3)]
+    places, fields = (mi.Float64(np.float64(x).ravel()) for x in (vertices - centre, normals))
+    a, b, c = (dr.gather(mi.Vector3d, places, i, hit) for i in corner)
+    u = mi.Vector3d(np.float64(d).T)
+    weights = [dr.dot(u, dr.cross(b, c)), dr.dot(u, dr.cross(c, a)), dr.dot(u, dr.cross(a, b))]
+    scale = dr.rcp(dr.select(hit, sum(weights), 1))
+    point = scale * sum(w * p for w, p in zip(weights, (a, b, c), strict=True))
+    normal = scale * sum(w * dr.gather(mi.Vector3d, fields, i, hit) for w, i in zip(weights, corner, strict=True))
+    normal /= dr.maximum(dr.norm(normal), 1e-300)
+    distance = dr.dot(point, u)
+    dr.eval(distance, normal, hit, again)
+    return np.array(distance), np.array(normal).T, np.array(hit), np.array(again & hit)
 
 
 def sample(star: StarMap, u: mi.Vector3f, active=True) -> tuple[mi.Float, mi.Vector3f]:
