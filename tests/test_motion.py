@@ -10,7 +10,7 @@ import pytest
 from motion_plugins import SHIFT
 from PIL import Image
 
-from benchharness import metrics
+from benchharness import metrics, plugins
 from benchharness.config import Entry, plugged_in
 from benchharness.report import motion as pictures
 from benchharness.stability import film, markers, motion, tables, watch
@@ -164,7 +164,7 @@ def test_rows_have_the_columns_and_pictures_are_there(steady, tmp_path):
     tables.write(tmp_path / motion.FILE, rows, motion.COLUMNS)
     tables.write(tmp_path / motion.FRAMES_FILE, frames, motion.FRAME_COLUMNS)
     read, per_frame = tables.read(tmp_path / motion.FILE), tables.read(tmp_path / motion.FRAMES_FILE)
-    assert list(read[0]) == motion.COLUMNS and len(per_frame) == COUNT * len(found)
+    assert list(read[0]) == [*motion.COLUMNS, "label"] and len(per_frame) == COUNT * len(found)
     assert per_frame[0]["temporal_diff"] == "" and float(per_frame[1]["temporal_diff"]) >= 0
     for row in read:
         still, moving = pictures.files(folder, row)
@@ -232,6 +232,12 @@ def test_the_start_is_where_most_moves():
 def test_bad_input_is_refused_before_anything_runs(options, message):
     with pytest.raises(ValueError, match=message):
         motion.units([], **options)
+
+
+def test_every_scene_runs_where_none_is_named_and_the_long_runs_come_first():
+    groups = list(motion.units([]))
+    scenes = [name for name, plugin in plugins.discover("scene").items() if plugin.error is None]
+    assert len(scenes) > 1 and groups == [f"{scene} {kind}" for kind in motion.KINDS for scene in scenes]
 
 
 @pytest.mark.parametrize(("start", "count", "message"), [(39, 6, "frames 0 to 34"), (None, 99, "3 to 40")])

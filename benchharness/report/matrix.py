@@ -52,7 +52,6 @@ def write(folder: Path) -> Path:
     extras = overtime.sections(folder)
     rows = [] if extras and not (folder / "stability.csv").exists() else read(folder / "stability.csv")
     for number, row in enumerate(rows):
-        row["label"] = f"{row['method']} {row['setting']}".strip()
         row["id"] = f"row-{number + 1}"
     methods = list(dict.fromkeys(row["label"] for row in rows))
     lines = [_line(folder, name, [row for row in rows if row["regime"] == name], methods)

@@ -33,8 +33,6 @@ def sections(folder: Path) -> list[tuple[str, str, Markup]]:
 
 def _motion(folder: Path) -> Markup:
     rows, frames = read(folder / "motion.csv"), folder / "motion-frames.csv"
-    for row in rows:
-        row["label"] = f"{row['method']} {row['setting']}".strip()
     scenes = list(dict.fromkeys(row["scene"] for row in rows))
     tables = []
     for scene in scenes:
@@ -52,8 +50,6 @@ def _motion(folder: Path) -> Markup:
 
 def _perturbation(folder: Path) -> Markup:
     rows = read(folder / "perturbation.csv")
-    for row in rows:
-        row["label"] = f"{row['method']} {row['setting']}".strip()
     kinds = list(dict.fromkeys((row["kind"], row["size"]) for row in rows))
     methods, scenes = (list(dict.fromkeys(row[key] for row in rows)) for key in ("label", "scene"))
     found = {(row["scene"], row["kind"], row["label"]): row for row in rows}

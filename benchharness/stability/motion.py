@@ -37,7 +37,7 @@ from typing import Any
 
 import numpy as np
 
-from benchharness import metrics, results
+from benchharness import metrics, plugins, results
 from benchharness.config import Entry
 from benchharness.stability import plan
 
@@ -54,20 +54,19 @@ FRAME_COLUMNS = (
     "converge_changes root_switches cold_flip"
 ).split()
 KINDS = ("steady", "cut", "teleport")
-SCENES = ("kitchen", "ufo", "kettle", "ant", "teapots")
-COUNT, SUBSTEPS, SIZE = 24, 4, (320, 228)
+COUNT, SUBSTEPS, SIZE = 16, 4, (320, 228)
 SAMPLE = 60  # vertices whose true reflection points are followed, in all mirrors together
 SWITCH_PX = 3.0  # more than `measure.WRONG_PX`: that far off is the wrong root, and not the same one less exactly
 RECOVERED = 0.005  # mean FLIP; a twentieth of `metrics.POP`
 
 
 def units(
-    entries: Sequence[Entry], scenes: Sequence[str] = SCENES, kinds: Sequence[str] = KINDS, count: int = COUNT,
+    entries: Sequence[Entry], scenes: Sequence[str] = (), kinds: Sequence[str] = KINDS, count: int = COUNT,
     substeps: int = SUBSTEPS, start: int | None = None, size: tuple[int, int] = SIZE,
 ) -> dict[str, list[dict[str, Any]]]:  # fmt: skip
-    """What is to be measured, by scene.
+    """What is to be measured, by kind of run and scene; the kinds that take long come first.
 
-    scenes    names, or paths `file.py:Name`
+    scenes    names, or paths `file.py:Name`; all that there are if empty
     count     frames of a steady run
     substeps  frames per frame of the scene's own animation
     start     frame of that animation at which runs begin; None: where most moves, and 0 for runs with a jump
@@ -79,17 +78,19 @@ def units(
     for kind in kinds:
         if kind not in KINDS:
             raise ValueError(f"kind {kind!r}; accepted: {', '.join(KINDS)}")
-    for name in scenes:
+    names = scenes or [name for name, plugin in plugins.discover("scene").items() if plugin.error is None]
+    for name in names:
         film.spec(name)
     options = {"count": count, "substeps": substeps, "start": start, "size": list(size)}
     return {
-        name: [{"scene": name, "kind": kind, "entry": asdict(entry), **options} for kind in kinds for entry in entries]
-        for name in scenes
+        f"{name} {kind}": [{"scene": name, "kind": kind, "entry": asdict(entry), **options} for entry in entries]
+        for kind in sorted(kinds, key=KINDS.index)
+        for name in names
     }
 
 
 def work(units: Sequence[dict[str, Any]], folder: Path) -> Iterator[dict[str, Any]]:
-    """Measures units of one scene; see `benchharness.stability.children`. Pictures go to `folder`."""
+    """Measures units of one scene and kind; see `benchharness.stability.children`. Pictures go to `folder`."""
     from benchharness.stability import film, markers, watch
 
     what = "scene kind count substeps start size".split()

@@ -37,7 +37,7 @@ class Atlas:
 class Motion:
     """[motion].
 
-    scenes    names of scenes, or `file.py:Name`
+    scenes    names of scenes, or `file.py:Name`; all if empty
     kinds     "steady", "cut", "teleport"
     frames    of a steady run
     substeps  frames per frame of the scene's own animation
@@ -45,9 +45,9 @@ class Motion:
     size      width, height in pixels
     """
 
-    scenes: tuple[str, ...] = ("kitchen", "ufo", "kettle", "ant", "teapots")
+    scenes: tuple[str, ...] = ()
     kinds: tuple[Literal["steady", "cut", "teleport"], ...] = ("steady", "cut", "teleport")
-    frames: Annotated[int, Field(ge=3)] = 24
+    frames: Annotated[int, Field(ge=3)] = 16
     substeps: Count = 4
     start: Annotated[int, Field(ge=0)] | None = None
     size: tuple[Count, Count] = (320, 228)

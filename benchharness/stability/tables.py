@@ -20,11 +20,14 @@ def write(path: Path, rows: Iterable[Mapping], columns: Sequence[str]) -> None:
 
 
 def read(path: Path) -> list[dict[str, str]]:
-    """The rows of a table; ValueError where there is none, or it has no rows."""
+    """The rows of a table; with what a method is called on the command line and on the page as `label`.
+
+    Raises ValueError where there is no table, or it has no rows.
+    """
     if not path.is_file():
         raise ValueError(f"{path}: there is no such file; accepted: a folder of the stability suite")
     with open(path, newline="", encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
     if not rows:
         raise ValueError(f"{path}: no rows; accepted: the results of the stability suite")
-    return rows
+    return [{**row, "label": f"{row['method']} {row['setting']}".strip()} for row in rows]
