@@ -41,30 +41,32 @@ def run(
 
     A record that a unit could not give is {"status": "crashed" or "timeout", "reason": ...}.
     """
-    names = list(groups)
+    names, cores = list(groups), os.cpu_count() or 1
+    workers = workers or cores
+    threads = max(1, cores // workers)  # more of them only wait for each other: a quarter longer
     lots = [names[i : i + apiece] for i in range(0, len(names), apiece)]
-    with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
-        jobs = [pool.submit(_lot, study, [u for name in lot for u in groups[name]], folder, timeout_s) for lot in lots]
+    with ThreadPoolExecutor(workers) as pool:
+        jobs = [pool.submit(_lot, study, [u for name in lot for u in groups[name]], folder, threads, timeout_s) for lot in lots]
         for lot, job in zip(lots, jobs, strict=True):
             done = iter(job.result())
             for name in lot:
                 yield name, [next(done) for _ in groups[name]]
 
 
-def _lot(study: str, units: list[dict[str, Any]], folder: Path, timeout_s: float) -> list[Done]:
+def _lot(study: str, units: list[dict[str, Any]], folder: Path, threads: int, timeout_s: float) -> list[Done]:
     done: list[Done] = []
     while len(done) < len(units):
         left = units[len(done) :]
-        records, lost = _child(study, left, folder, timeout_s)
+        records, lost = _child(study, left, folder, threads, timeout_s)
         done += zip(left, records, strict=False)
         if lost is not None and len(done) < len(units):
             done.append((units[len(done)], lost))
     return done
 
 
-def _child(study: str, units: list[dict], folder: Path, timeout_s: float) -> tuple[list[dict], dict | None]:
+def _child(study: str, units: list[dict], folder: Path, threads: int, timeout_s: float) -> tuple[list[dict], dict | None]:
     """The records of the first units, and what to say of the next one where the child did not do all."""
-    job = {"study": study, "units": units, "folder": str(folder), "parent": os.getpid()}
+    job = {"study": study, "units": units, "folder": str(folder), "threads": threads, "parent": os.getpid()}
     with tempfile.TemporaryDirectory() as own:
         file, log = Path(own) / "job.json", Path(own) / "log"
         file.write_text(json.dumps(job), encoding="utf-8")
@@ -119,6 +121,9 @@ def _work(file: str) -> None:
     job = json.loads(Path(file).read_text(encoding="utf-8"))
     worker.end_with_parent(job["parent"])
     platform.use_variant(VARIANT)
+    import drjit as dr
+
+    dr.set_thread_count(job["threads"])
     study = importlib.import_module(f"benchharness.stability.{job['study']}")
     for record in study.work(job["units"], Path(job["folder"])):
         say(record)
