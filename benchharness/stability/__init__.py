@@ -80,7 +80,10 @@ def _units(study: str, planned: Any, wanted: Wanted) -> dict[str, list[dict[str,
     if study == "motion":
         asked = planned.motion
         scenes = wanted.scenes or asked.scenes
-        return motion.units(planned.entries, scenes, asked.kinds, asked.frames, asked.substeps, asked.start, asked.size)
+        return motion.units(
+            planned.entries, scenes, asked.kinds, asked.frames, asked.substeps, asked.start, asked.size, asked.followed,
+            asked.places,
+        )  # fmt: skip
     return perturbation.units(planned.entries, wanted.scenes or planned.perturbation.scenes)
 
 

@@ -71,8 +71,9 @@ def _child(study: str, units: list[dict], folder: Path, threads: int, timeout_s:
         file, log = Path(own) / "job.json", Path(own) / "log"
         file.write_text(json.dumps(job), encoding="utf-8")
         with open(log, "wb") as stream:
+            env = supervisor.surroundings() | {"OMP_NUM_THREADS": str(threads)}
             child = subprocess.Popen(
-                [sys.executable, "-P", "-m", "benchharness.stability.children", str(file)], env=supervisor.surroundings(),
+                [sys.executable, "-P", "-m", "benchharness.stability.children", str(file)], env=env,
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=stream, start_new_session=True,
             )  # fmt: skip
         assert child.stdin and child.stdout

@@ -4,10 +4,10 @@ The scene is shown once more, dark but for three objects: one that shines red, o
 In every mirror the centroid of one colour is where the image of one object is, to a fraction of a pixel; it is compared
 with the reference's, frame by frame. Mirrors are ideal here, and what shows a second reflection is left out.
 
-A centroid is known as well as its edges are sampled. Every pixel is asked at SIDE x SIDE places, by shifting the picture and
-not by enlarging it: what a method decides by the size of its picture stays as it is. The reference shows which object it sees
-at each of those places. What sampling alone does is measured with it: its centroids from every SIDE-th place in each direction
-tremble about those from all.
+A centroid is known as well as its edges are sampled. Every pixel is asked at `side` x `side` places, by shifting the picture
+and not by enlarging it: what a method decides by the size of its picture stays as it is. The reference shows which object it sees
+at each of those places. What sampling alone does is measured with it: its centroids from every `side`-th place in each
+direction tremble about those from all.
 """
 
 from __future__ import annotations
@@ -26,7 +26,6 @@ from benchharness.frame import FrameRenderer
 from benchharness.scene import PointLight, Scene
 from benchharness.stability.film import OPTIONS, Film, carried, shaded
 
-SIDE = 3  # places per pixel along each axis; odd, so that the centre is one of them
 LEAST_PX = 80  # pixels of an image, in every frame
 MOST = 0.3  # share of its mirror's pixels: what is larger is a surrounding, cut off by the mirror's edge
 COLOURS = 3
@@ -60,17 +59,27 @@ class Image:
 
 @dataclass(frozen=True, eq=False)
 class Markers:
-    """The images of a film that are followed."""
+    """The images of a film that are followed.
+
+    side   places per pixel along each axis; odd, so that the centre is one of them
+    count  frames, from the first on
+    """
 
     film: Film
+    side: int
+    count: int
+
+    @cached_property
+    def numbers(self) -> range:
+        return self.film.numbers[: self.count]
 
     @cached_property
     def seen(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Per frame which object, and in which mirror, the reference sees at every place, int [SIDE H, SIDE W]; -1 for none."""
+        """Per frame which object, and in which mirror, the reference sees at every place, int [side H, side W]; -1 for none."""
         numbered = dark(self.film.scene, [np.full(3, k + 1.0) for k in range(len(self.film.scene.objects))])
-        size = (SIDE * self.film.size[0], SIDE * self.film.size[1])
+        size = (self.side * self.film.size[0], self.side * self.film.size[1])
         out = []
-        for i in self.film.numbers:
+        for i in self.numbers:
             its = reference.render(numbered, numbered.time(i), size, OPTIONS)
             once = its.mask & ~its.second
             out.append((np.where(once, np.rint(its.image[..., 0]).astype(int) - 1, -1), np.where(once, its.reflector, -1)))
@@ -83,12 +92,13 @@ class Markers:
         counts = np.zeros((len(self.seen), mirrors, objects))
         for k, (what, mirror) in enumerate(self.seen):
             own = what >= 0
-            np.add.at(counts[k], (mirror[own], what[own]), 1 / SIDE**2)
-        whole = np.array([[(mirror == m).sum() for m in range(mirrors)] for _, mirror in self.seen]) / SIDE**2
+            np.add.at(counts[k], (mirror[own], what[own]), 1 / self.side**2)
+        whole = np.array([[(mirror == m).sum() for m in range(mirrors)] for _, mirror in self.seen]) / self.side**2
         usable = (counts.min(axis=0) >= LEAST_PX) & (counts <= MOST * whole[..., None]).all(axis=0)
         known = np.zeros(objects)
         for m, what in zip(*np.nonzero(usable), strict=True):
-            known[what] += uncertainty(self._own(len(self.seen) // 2, Image(int(what), int(m), 0))) ** -2
+            own = self._own(len(self.seen) // 2, Image(int(what), int(m), 0))
+            known[what] += uncertainty(own, self.side) ** -2
         chosen = [int(what) for what in np.argsort(-known, kind="stable")[:COLOURS] if known[what] > 0]
         return [Image(what, m, c) for c, what in enumerate(chosen) for m in range(mirrors) if usable[m, what]]
 
@@ -103,7 +113,7 @@ class Markers:
     @cached_property
     def truth(self) -> np.ndarray:
         """Where the reference has the images, pixels [T, images, 2]."""
-        return np.array([[centroid(self._own(k, image)) for image in self.images] for k in range(len(self.seen))])
+        return np.array([[centroid(self._own(k, image), self.side) for image in self.images] for k in range(len(self.seen))])
 
     @cached_property
     def floor_px(self) -> float | None:
@@ -112,10 +122,10 @@ class Markers:
         if not self.images:
             return None
         some = np.zeros(self.seen[0][0].shape)
-        some[::SIDE, ::SIDE] = 1
-        few = [[centroid(some * self._own(k, image)) for image in self.images] for k in range(len(self.seen))]
+        some[:: self.side, :: self.side] = 1
+        few = [[centroid(some * self._own(k, image), self.side) for image in self.images] for k in range(len(self.seen))]
         jitter = metrics.jitter_px(np.array(few) - self.truth)
-        return None if jitter is None else jitter * float(np.sqrt(2 / (SIDE**3 - 1)))
+        return None if jitter is None else jitter * float(np.sqrt(2 / (self.side**3 - 1)))
 
     def _own(self, k: int, image: Image) -> np.ndarray:
         what, mirror = self.seen[k]
@@ -129,27 +139,27 @@ class Markers:
             for j, image in enumerate(self.images):
                 weights = np.where(mirror == image.mirror, shown[k][..., image.colour], 0)
                 if weights.sum() >= LOST * self._own(k, image).sum():
-                    places[k, j] = centroid(weights)
+                    places[k, j] = centroid(weights, self.side)
         return places - self.truth
 
     def _shown(self, method: Method) -> list[np.ndarray]:
-        """What the mirrors show, 0 elsewhere, at every place: [SIDE H, SIDE W, 3] per frame.
+        """What the mirrors show, 0 elsewhere, at every place: [side H, side W, 3] per frame.
 
         All places of a frame start from one state: what moved was taken in once, and the pixels' centres carry it on.
         """
-        width, height = self.film.size
-        out = [np.zeros((SIDE * height, SIDE * width, 3), np.float32) for _ in self.film.numbers]
+        (width, height), side = self.film.size, self.side
+        out = [np.zeros((side * height, side * width, 3), np.float32) for _ in self.numbers]
         renderer, state = FrameRenderer(self.scene, width, height), method.prepare(self.scene)
-        middle = SIDE // 2
+        middle = side // 2
         for k, (frame, reflection, at) in enumerate(
-            carried(self.scene, method, state, (renderer.render(i) for i in self.film.numbers))
+            carried(self.scene, method, state, (renderer.render(i) for i in self.numbers))
         ):
-            places = out[k].reshape(height, SIDE, width, SIDE, 3)
-            for down, right in product(range(SIDE), repeat=2):
+            places = out[k].reshape(height, side, width, side, 3)
+            for down, right in product(range(side), repeat=2):
                 if (down, right) == (middle, middle):
                     there, shown = frame, reflection
                 else:
-                    there = _shifted(renderer, frame.index, (right - middle) / SIDE, (down - middle) / SIDE)
+                    there = _shifted(renderer, frame.index, (right - middle) / side, (down - middle) / side)
                     shown = shaded(method, at, there)[0]
                 L = np.broadcast_to(np.array(shown.L, np.float32).T, (width * height, 3))
                 L = np.where(np.isfinite(L) & np.array(there.active)[:, None], L, 0)
@@ -157,25 +167,25 @@ class Markers:
         return out
 
 
-def centroid(weights: np.ndarray) -> np.ndarray:
-    """Of a picture that has SIDE x SIDE places in a pixel, [x, y] in pixels; NaN where it is empty."""
+def centroid(weights: np.ndarray, side: int) -> np.ndarray:
+    """Of a picture that has `side` x `side` places in a pixel, [x, y] in pixels; NaN where it is empty."""
     total = weights.sum()
     if total <= 0:
         return np.full(2, np.nan)
     x = weights.sum(axis=0) @ (np.arange(weights.shape[1]) + 0.5) / total
     y = weights.sum(axis=1) @ (np.arange(weights.shape[0]) + 0.5) / total
-    return np.array([x, y]) / SIDE
+    return np.array([x, y]) / side
 
 
-def uncertainty(own: np.ndarray) -> float:
+def uncertainty(own: np.ndarray, side: int) -> float:
     """Pixels by which sampling makes the centroid of a mask uncertain: each place on its edge counts or not, a step that is
-    uniform in [0, 1], and pulls by its distance from the middle; own [SIDE H, SIDE W] in {0, 1}, not empty."""
+    uniform in [0, 1], and pulls by its distance from the middle; own [side H, side W] in {0, 1}, not empty."""
     inside = own > 0
     around = np.pad(inside, 1)
     core = inside & around[:-2, 1:-1] & around[2:, 1:-1] & around[1:-1, :-2] & around[1:-1, 2:]
     y, x = np.nonzero(inside & ~core)
-    middle = SIDE * centroid(own) - 0.5
-    return float(np.sqrt(((x - middle[0]) ** 2 + (y - middle[1]) ** 2).sum() / 12) / inside.sum() / SIDE)
+    middle = side * centroid(own, side) - 0.5
+    return float(np.sqrt(((x - middle[0]) ** 2 + (y - middle[1]) ** 2).sum() / 12) / inside.sum() / side)
 
 
 def _shifted(renderer: FrameRenderer, index: int, dx: float, dy: float) -> Frame:

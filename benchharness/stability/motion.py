@@ -54,7 +54,7 @@ FRAME_COLUMNS = (
     "converge_changes root_switches cold_flip"
 ).split()
 KINDS = ("steady", "cut", "teleport")
-COUNT, SUBSTEPS, SIZE = 16, 4, (320, 228)
+COUNT, SUBSTEPS, SIZE, FOLLOWED, PLACES = 12, 4, (320, 228), 8, 3
 SAMPLE = 60  # vertices whose true reflection points are followed, in all mirrors together
 SWITCH_PX = 3.0  # more than `measure.WRONG_PX`: that far off is the wrong root, and not the same one less exactly
 RECOVERED = 0.005  # mean FLIP; a twentieth of `metrics.POP`
@@ -62,14 +62,16 @@ RECOVERED = 0.005  # mean FLIP; a twentieth of `metrics.POP`
 
 def units(
     entries: Sequence[Entry], scenes: Sequence[str] = (), kinds: Sequence[str] = KINDS, count: int = COUNT,
-    substeps: int = SUBSTEPS, start: int | None = None, size: tuple[int, int] = SIZE,
+    substeps: int = SUBSTEPS, start: int | None = None, size: tuple[int, int] = SIZE, followed: int = FOLLOWED,
+    places: int = PLACES,
 ) -> dict[str, list[dict[str, Any]]]:  # fmt: skip
-    """What is to be measured, by kind of run and scene; the kinds that take long come first.
+    """What is to be measured, by scene.
 
     scenes    names, or paths `file.py:Name`; all that there are if empty
     count     frames of a steady run
     substeps  frames per frame of the scene's own animation
     start     frame of that animation at which runs begin; None: where most moves, and 0 for runs with a jump
+    followed  frames in which `markers` follows images, from the first on; `places` of each pixel, along each axis
 
     Raises ValueError for an unknown kind of run and for a scene that is not there.
     """
@@ -82,22 +84,22 @@ def units(
     for name in names:
         film.spec(name)
     options = {"count": count, "substeps": substeps, "start": start, "size": list(size)}
+    options |= {"followed": followed, "places": places}
     return {
-        f"{name} {kind}": [{"scene": name, "kind": kind, "entry": asdict(entry), **options} for entry in entries]
-        for kind in sorted(kinds, key=KINDS.index)
+        name: [{"scene": name, "kind": kind, "entry": asdict(entry), **options} for kind in kinds for entry in entries]
         for name in names
     }
 
 
 def work(units: Sequence[dict[str, Any]], folder: Path) -> Iterator[dict[str, Any]]:
-    """Measures units of one scene and kind; see `benchharness.stability.children`. Pictures go to `folder`."""
+    """Measures units of one scene; see `benchharness.stability.children`. Pictures go to `folder`."""
     from benchharness.stability import film, markers, watch
 
-    what = "scene kind count substeps start size".split()
+    what = "scene kind count substeps start size followed places".split()
     for asked, group in itertools.groupby(units, lambda unit: [unit[key] for key in what]):
-        name, kind, count, substeps, start, (width, height) = asked
+        name, kind, count, substeps, start, (width, height), followed, places = asked
         seen = film.film(name, kind, count, substeps, start, (width, height))
-        marked = markers.Markers(seen) if kind == "steady" else None
+        marked = markers.Markers(seen, places, followed) if kind == "steady" else None
         for unit in group:
             entry = Entry(**unit["entry"])
             method = entry.build()

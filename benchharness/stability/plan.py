@@ -43,14 +43,18 @@ class Motion:
     substeps  frames per frame of the scene's own animation
     start     frame of that animation at which runs begin; where most moves if not given
     size      width, height in pixels
+    followed  frames, from the first on, in which the images of objects are followed
+    places    per pixel along each axis, at which their edges are sampled: odd
     """
 
     scenes: tuple[str, ...] = ()
     kinds: tuple[Literal["steady", "cut", "teleport"], ...] = ("steady", "cut", "teleport")
-    frames: Annotated[int, Field(ge=3)] = 16
+    frames: Annotated[int, Field(ge=3)] = 12
     substeps: Count = 4
     start: Annotated[int, Field(ge=0)] | None = None
     size: tuple[Count, Count] = (320, 228)
+    followed: Annotated[int, Field(ge=3)] = 8
+    places: Literal[1, 3, 5, 7, 9] = 3
 
 
 @dataclass(frozen=True)

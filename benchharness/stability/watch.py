@@ -24,7 +24,7 @@ class Shown:
     found      share of the mask with an answer
     errors     FLIP maps [H, W]
     vertices   fields of `Vertices` as arrays [N] or [N, 3]; none for methods without
-    cold       mean FLIP, and such fields, of a cold start at each frame from the jump on
+    cold       by number of the frame: mean FLIP, and such fields, of a cold start there; see `run`
     """
 
     images: list[np.ndarray] = field(default_factory=list)
@@ -32,11 +32,11 @@ class Shown:
     found: list[float | None] = field(default_factory=list)
     errors: list[np.ndarray] = field(default_factory=list)
     vertices: list[dict[str, np.ndarray]] = field(default_factory=list)
-    cold: list[tuple[float | None, dict[str, np.ndarray] | None]] = field(default_factory=list)
+    cold: dict[int, tuple[float | None, dict[str, np.ndarray] | None]] = field(default_factory=dict)
 
 
 def run(film: Film, method: Method) -> Shown:
-    """All frames in order; after a jump each of them once more from a cold start."""
+    """All frames in order; from a jump on once more from a cold start, until that is no better, and in the last."""
     renderer, state, shown = FrameRenderer(film.scene, *film.size), method.prepare(film.scene), Shown()
     frames = (renderer.render(i) for i in film.numbers)
     for k, (frame, reflection, _) in enumerate(carried(film.scene, method, state, frames)):
@@ -49,12 +49,21 @@ def run(film: Film, method: Method) -> Shown:
         vertices = _vertices(reflection)
         if vertices is not None:
             shown.vertices.append(vertices)
+    recovered = film.jump is None
     for i in () if film.jump is None else range(film.jump, film.first + film.count):
+        if recovered and i != film.numbers[-1]:
+            continue
         ((frame, reflection, _),) = carried(film.scene, method, state, [renderer.render(i)])
         k = i - film.first
         error = _error(film, k, _picture(renderer, frame, reflection), shown.masks[k])
-        shown.cold.append((_mean(error, shown.masks[k]), _vertices(reflection)))
+        cold = _mean(error, shown.masks[k])
+        shown.cold[i] = cold, _vertices(reflection)
+        recovered |= _recovered(_mean(shown.errors[k], shown.masks[k]), cold)
     return shown
+
+
+def _recovered(flip: float | None, cold: float | None) -> bool:
+    return flip is not None and cold is not None and flip <= cold + RECOVERED
 
 
 def measured(film: Film, shown: Shown) -> dict[str, Any]:
@@ -73,12 +82,7 @@ def measured(film: Film, shown: Shown) -> dict[str, Any]:
         record["iterations_max"] = max((f["iterations_max"] for f in frames if f["iterations_max"] is not None), default=None)
     if film.jump is not None:
         after = frames[film.jump - film.first :]
-        late = [
-            k
-            for k, f in enumerate(after)
-            if None not in (f["flip"], f["cold_flip"]) and f["flip"] <= f["cold_flip"] + RECOVERED
-        ]
-        record["recovery"] = late[0] if late else None
+        record["recovery"] = next((k for k, f in enumerate(after) if _recovered(f["flip"], f["cold_flip"])), None)
     for (
         column
     ) in "reflector_px flip temporal_diff pops coverage iterations_mean converge_changes root_switches cold_flip".split():
@@ -116,7 +120,7 @@ def _frame(film: Film, shown: Shown, k: int) -> dict[str, Any]:
         out["temporal_diff"] = metrics.temporal_diff(*four, both)
         out["pops"] = metrics.pops(*four, both, ppd=film.scene.ppd, exposure=film.scene.exposure)
     if film.jump is not None and number >= film.jump:
-        out["cold_flip"] = shown.cold[number - film.jump][0]
+        out["cold_flip"] = shown.cold[number][0] if number in shown.cold else None
     if shown.vertices:
         iterations = shown.vertices[k]["iterations"]
         searched = iterations > 0
@@ -197,7 +201,7 @@ def switches(went: np.ndarray, path: np.ndarray, off: np.ndarray) -> np.ndarray:
 
 def _other_roots(film: Film, shown: Shown) -> float | None:
     """Share of sampled vertices that have R elsewhere in the last frame than a cold start has."""
-    warm, cold = shown.vertices[-1], shown.cold[-1][1]
+    warm, cold = shown.vertices[-1], shown.cold[film.numbers[-1]][1]
     assert cold is not None
     lanes = np.concatenate([n * film.scene.vertices + s for n, s in sampled(film, [warm])] or [np.zeros(0, int)])
     lanes = lanes[warm["converged"][lanes] & cold["converged"][lanes]]
