@@ -5,9 +5,9 @@ In every mirror the centroid of one colour is where the image of one object is, 
 with the reference's, frame by frame. Mirrors are ideal here, and what shows a second reflection is left out.
 
 A centroid is known as well as its edges are sampled. Every pixel is asked at `side` x `side` places, by shifting the picture
-and not by enlarging it: what a method decides by the size of its picture stays as it is. The reference shows which object it sees
-at each of those places. What sampling alone does is measured with it: its centroids from every `side`-th place in each
-direction tremble about those from all.
+and not by enlarging it: what a method decides by the size of its picture stays as it is. The reference shows which object
+it sees at each of those places. What sampling alone does is measured with it: its centroids from every `side`-th place in
+each direction tremble about those from all.
 """
 
 from __future__ import annotations
