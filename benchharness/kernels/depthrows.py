@@ -62,27 +62,28 @@ def _spans(row: Row, segments: Segments, room: int, split_jump: float) -> tuple[
         begun = covered & ~joined
         length = u - first
 
-        # No room: the shortest gives way, the last of equals, and those behind it move up. Or this one is shorter still.
-        crowded = ended & (kept == room)
-        k, shortest, least = dr.zeros(mi.UInt32, lanes), dr.zeros(mi.UInt32, lanes), mi.UInt32(NONE)
-        while dr.hint(crowded & (k < room), label="find the shortest span"):
-            other = segments.last[k] - segments.first[k] + 1
-            shorter = other <= least
-            least, shortest = dr.select(shorter, other, least), dr.select(shorter, k, shortest)
-            k += 1
-        replaced = crowded & (length > least)
-        k = mi.UInt32(shortest)
-        while dr.hint(replaced & (k + 1 < room), label="close the gap"):
-            segments.first.write(segments.first[k + 1], k)
-            segments.last.write(segments.last[k + 1], k)
-            k += 1
+        if ended:  # seldom, and memory of lanes is slow
+            # No room: the shortest gives way, the last of equals, and those behind it move up. Or this one is shorter still.
+            crowded = kept == room
+            k, shortest, least = dr.zeros(mi.UInt32, lanes), dr.zeros(mi.UInt32, lanes), mi.UInt32(NONE)
+            while dr.hint(crowded & (k < room), label="find the shortest span"):
+                other = segments.last[k] - segments.first[k] + 1
+                shorter = other <= least
+                least, shortest = dr.select(shorter, other, least), dr.select(shorter, k, shortest)
+                k += 1
+            replaced = crowded & (length > least)
+            k = mi.UInt32(shortest)
+            while dr.hint(replaced & (k + 1 < room), label="close the gap"):
+                segments.first.write(segments.first[k + 1], k)
+                segments.last.write(segments.last[k + 1], k)
+                k += 1
 
-        taken = ended & (~crowded | replaced)
-        slot = dr.minimum(kept, room - 1)
-        segments.first.write(first, slot, taken)
-        segments.last.write(u - 1, slot, taken)
-        kept += dr.select(taken & ~crowded, 1, 0)
-        dropped += dr.select(crowded, 1, 0)
+            taken = ~crowded | replaced
+            slot = dr.minimum(kept, room - 1)
+            segments.first.write(first, slot, taken)
+            segments.last.write(u - 1, slot, taken)
+            kept += dr.select(~crowded, mi.UInt32(1), 0)
+            dropped += dr.select(crowded, mi.UInt32(1), 0)
         first = dr.select(begun, u, first)
         before = mi.Float(zgl)
         u += 1
