@@ -67,6 +67,6 @@ class Lagging(Method):
 
     def shade(self, state: Any, frame: Frame) -> tuple[Reflection, Any]:
         answer, inner = RayTraced().shade(state[0], frame)
-        kept = [*state[1], answer.L][-3:]
+        kept = [*state[1], dr.select(frame.active, answer.L, 0)][-3:]
         answer.L = kept[0] if len(kept) == 3 else answer.L
         return answer, (inner, kept)

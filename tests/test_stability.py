@@ -169,8 +169,12 @@ def test_what_ends_or_hangs_a_process_costs_its_own_rows_only(tmp_path, what, ti
     (tmp_path / "broken.py").write_text(BROKEN.format(what=what))
     entries = plan.load(None, [str(tmp_path / "broken.py")], ["broken", "ray_traced"]).entries
     groups = atlas.units([*entries[::-1]], ["contact"], 1.0)
-    ((name, done),) = children.run("atlas", groups, tmp_path, timeout_s=timeout_s)
+    ((study, name, done),) = children.run([children.Work("atlas", groups)], tmp_path, timeout_s=timeout_s)
     records = {unit["entry"]["method"]: record for unit, record in done}
-    assert name == "contact" and records["broken"]["status"] == status and reason in records["broken"]["reason"]
+    assert (
+        (study, name) == ("atlas", "contact")
+        and records["broken"]["status"] == status
+        and reason in records["broken"]["reason"]
+    )
     assert records["ray_traced"]["status"] == "ok"
     assert atlas.row(*done[0])["verdict"] == "fails"

@@ -62,9 +62,11 @@ def run(
         raise ValueError(f"{out} holds a run already; accepted: a new folder")
     images = out / "images"
     images.mkdir(parents=True, exist_ok=True)
-    silent = 0
-    for name in planned.studies:
-        silent += _study(name, groups[name], out, images, tell)
+    made = {name: _Study(name, out) for name in planned.studies}
+    works = [children.Work(name, groups[name], made[name].module.APIECE) for name in planned.studies]
+    for name, group, done in children.run(works, images):
+        tell(f"{name}: {group}: {made[name].add(done)}")
+    silent = sum(row.get("verdict") == "fails" for study in made.values() for row in study.rows)
     from benchharness.report import matrix
 
     return silent, matrix.write(out)
@@ -87,23 +89,28 @@ def _units(study: str, planned: Any, wanted: Wanted) -> dict[str, list[dict[str,
     return perturbation.units(planned.entries, wanted.scenes or planned.perturbation.scenes)
 
 
-def _study(name: str, groups: dict[str, list[dict]], out: Path, images: Path, tell: Callable[[str], None]) -> int:
-    """Does a study and writes its tables as it goes. Returns how many rows fail silently."""
-    import importlib
+class _Study:
+    """Rows of a study, and its tables, which are written as it goes."""
 
-    from benchharness.stability import children, tables
+    def __init__(self, name: str, out: Path) -> None:
+        import importlib
 
-    study = importlib.import_module(f"benchharness.stability.{name}")
-    rows, frames = [], []
-    for group, done in children.run(name, groups, images, apiece=study.APIECE):
+        self.module, self.out = importlib.import_module(f"benchharness.stability.{name}"), out
+        self.rows: list[dict[str, Any]] = []
+        self.frames: list[dict[str, Any]] = []
+
+    def add(self, done: list[tuple[dict[str, Any], dict[str, Any]]]) -> str:
+        """Takes the (unit, record) of a group. Returns what became of it: "3 holds, 1 fails"."""
+        from benchharness.stability import tables
+
+        study = self.module
         fresh = [study.row(unit, record) for unit, record in done]
-        rows += fresh
-        tables.write(out / study.FILE, rows, study.COLUMNS)
+        self.rows += fresh
+        tables.write(self.out / study.FILE, self.rows, study.COLUMNS)
         if hasattr(study, "frame_rows"):
-            frames += [row for unit, record in done for row in study.frame_rows(unit, record)]
-            tables.write(out / study.FRAMES_FILE, frames, study.FRAME_COLUMNS)
+            self.frames += [row for unit, record in done for row in study.frame_rows(unit, record)]
+            tables.write(self.out / study.FRAMES_FILE, self.frames, study.FRAME_COLUMNS)
         what = "verdict" if "verdict" in study.COLUMNS else "status"
         seen = Counter(row[what] for row in fresh)
         order = results.VERDICTS if what == "verdict" else results.STATUSES
-        tell(f"{name}: {group}: " + ", ".join(f"{seen[v]} {v}" for v in order if v in seen))
-    return sum(row.get("verdict") == "fails" for row in rows)
+        return ", ".join(f"{seen[v]} {v}" for v in order if v in seen)

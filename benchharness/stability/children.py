@@ -21,6 +21,7 @@ import tempfile
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
@@ -32,25 +33,37 @@ TIMEOUT_S = 600.0  # that a unit may take, its share of what comes before the fi
 Done = tuple[dict[str, Any], dict[str, Any]]
 
 
+@dataclass(frozen=True)
+class Work:
+    """Of one study: its name, its units by group, and how many groups share a process."""
+
+    study: str
+    groups: Mapping[str, Sequence[dict[str, Any]]]
+    apiece: int = 1
+
+
 def run(
-    study: str, groups: Mapping[str, Sequence[dict[str, Any]]], folder: Path, apiece: int = 1, workers: int | None = None,
-    timeout_s: float = TIMEOUT_S,
-) -> Iterator[tuple[str, list[Done]]]:  # fmt: skip
-    """(name of the group, [(unit, record)]) as groups are done, `apiece` in one process, and `workers` processes at a time: as
-    many as there are cores if None.
+    works: Sequence[Work], folder: Path, workers: int | None = None, timeout_s: float = TIMEOUT_S
+) -> Iterator[tuple[str, str, list[Done]]]:
+    """(study, name of the group, [(unit, record)]), in order, as groups are done; `workers` processes at a time, as many as
+    there are cores if None.
 
     A record that a unit could not give is {"status": "crashed" or "timeout", "reason": ...}.
     """
-    names, cores = list(groups), os.cpu_count() or 1
+    cores = os.cpu_count() or 1
     workers = workers or cores
     threads = max(1, cores // workers)  # more of them only wait for each other: a quarter longer
-    lots = [names[i : i + apiece] for i in range(0, len(names), apiece)]
     with ThreadPoolExecutor(workers) as pool:
-        jobs = [pool.submit(_lot, study, [u for name in lot for u in groups[name]], folder, threads, timeout_s) for lot in lots]
-        for lot, job in zip(lots, jobs, strict=True):
+        jobs = []
+        for work in works:
+            names = list(work.groups)
+            for lot in (names[i : i + work.apiece] for i in range(0, len(names), work.apiece)):
+                units = [unit for name in lot for unit in work.groups[name]]
+                jobs.append((work, lot, pool.submit(_lot, work.study, units, folder, threads, timeout_s)))
+        for work, lot, job in jobs:
             done = iter(job.result())
             for name in lot:
-                yield name, [next(done) for _ in groups[name]]
+                yield work.study, name, [next(done) for _ in work.groups[name]]
 
 
 def _lot(study: str, units: list[dict[str, Any]], folder: Path, threads: int, timeout_s: float) -> list[Done]:

@@ -21,7 +21,7 @@ from benchharness.config import SceneSpec
 from benchharness.measure import check_lanes
 from benchharness.scene import Scene, refined
 
-BEFORE, AFTER = 2, 4  # frames of a run with a jump in it
+BEFORE, AFTER = 2, 3  # frames of a run with a jump in it
 OPTIONS = reference.ReferenceOptions(spp=2)
 
 
