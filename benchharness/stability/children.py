@@ -60,10 +60,13 @@ def run(
             for lot in (names[i : i + work.apiece] for i in range(0, len(names), work.apiece)):
                 units = [unit for name in lot for unit in work.groups[name]]
                 jobs.append((work, lot, pool.submit(_lot, work.study, units, folder, threads, timeout_s)))
-        for work, lot, job in jobs:
-            done = iter(job.result())
-            for name in lot:
-                yield work.study, name, [next(done) for _ in work.groups[name]]
+        try:
+            for work, lot, job in jobs:
+                done = iter(job.result())
+                for name in lot:
+                    yield work.study, name, [next(done) for _ in work.groups[name]]
+        finally:
+            pool.shutdown(cancel_futures=True)  # whoever stops listening waits for what is running only
 
 
 def _lot(study: str, units: list[dict[str, Any]], folder: Path, threads: int, timeout_s: float) -> list[Done]:
