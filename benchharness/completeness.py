@@ -44,14 +44,13 @@ def counted(seen: Seen) -> tuple[int, int] | None:
 def _true(scene: Scene, time: float) -> list[tuple[np.ndarray, list[np.ndarray], list[np.ndarray]]]:
     """Per mirror: numbers of the sampled vertices, and what `truth.every_reflection_point` has of them. Every method asks."""
     eye = np.asarray(scene.camera(time).eye)
-    V = np.concatenate([part.mesh.transformed(part.pose(time)).vertices for part in scene.parts])
     objects = sum(len(part.mesh.vertices) for part in scene.objects)
     chosen = np.unique(np.linspace(0, objects - 1, SAMPLE).astype(int))
-    found = []
+    V, found = truth.placed(scene, time, chosen), []
     for reflector in scene.reflectors:
         mesh = reflector.mesh.transformed(reflector.pose(time))
         both = reflector.closed is None and not inside.is_closed(mesh)
-        found.append((chosen, *truth.every_reflection_point(mesh.vertices, mesh.normals, mesh.faces, eye, V[chosen], both)))
+        found.append((chosen, *truth.every_reflection_point(mesh.vertices, mesh.normals, mesh.faces, eye, V, both)))
     return found
 
 

@@ -197,7 +197,7 @@ def roots(
 ) -> Roots:  # fmt: skip
     """What `vertices`, numbers [N] in the order of `scene.parts`, have in reflector `number`; R, virtual [N, 3], usable [N]."""
     camera = scene.camera(time)
-    eye, V = np.asarray(camera.eye), _placed(scene, time, vertices)
+    eye, V = np.asarray(camera.eye), placed(scene, time, vertices)
     points, valid = _candidates(scene, time, number, eye, V, R)
     true = nearest(points, valid & usable[:, None], R)
     found, true_, virtual_, image = (on_screen(p, camera, *size) for p in (R, true, virtual, image_of(V, true, eye)))
@@ -206,11 +206,12 @@ def roots(
 
 def continued(scene: Scene, time: float, number: int, vertices: np.ndarray, before: np.ndarray) -> np.ndarray:
     """The true R nearest to where one was a moment ago, `before` [N, 3]; NaN where there is none."""
-    eye, V = np.asarray(scene.camera(time).eye), _placed(scene, time, vertices)
+    eye, V = np.asarray(scene.camera(time).eye), placed(scene, time, vertices)
     return nearest(*_candidates(scene, time, number, eye, V, before), before)
 
 
-def _placed(scene: Scene, time: float, vertices: np.ndarray) -> np.ndarray:
+def placed(scene: Scene, time: float, vertices: np.ndarray) -> np.ndarray:
+    """Where `vertices`, numbers [N] in the order of `scene.parts`, are in the world, metres [N, 3]."""
     return np.concatenate([p.mesh.transformed(p.pose(time)).vertices for p in scene.parts])[vertices]
 
 

@@ -54,7 +54,8 @@ FRAME_COLUMNS = (
     "converge_changes root_switches cold_flip"
 ).split()
 KINDS = ("steady", "cut", "teleport")
-COUNT, SUBSTEPS, SIZE, FOLLOWED, PLACES = 12, 4, (320, 228), 8, 3
+COUNT, SUBSTEPS, SIZE = plan.Motion.frames, plan.Motion.substeps, plan.Motion.size
+FOLLOWED, PLACES = plan.Motion.followed, plan.Motion.places
 SAMPLE = 60  # vertices whose true reflection points are followed, in all mirrors together
 SWITCH_PX = 3.0  # more than `measure.WRONG_PX`: that far off is the wrong root, and not the same one less exactly
 RECOVERED = 0.005  # mean FLIP; a twentieth of `metrics.POP`
