@@ -1,8 +1,4 @@
-"""Is a point inside a closed mesh? The winding number, and the check of a scene's cameras that needs it.
-
-The generalized winding number of a closed mesh about a point is the sum of the signed solid angles of its triangles
-over 4π (Van Oosterom and Strackee 1983, eq. 8; Jacobson et al. 2013): ±1 inside, 0 outside.
-"""
+"""The check of a scene's cameras: that they have a picture, and stand outside of every closed mirror."""
 
 from __future__ import annotations
 
@@ -11,15 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from benchharness.scene import Mesh, Scene
-
-
-def winding_number(mesh: Mesh, point: np.ndarray) -> float:
-    """Of `mesh` about `point`, float64 [3], both in the mesh's space."""
-    a, b, c = np.moveaxis(mesh.vertices[mesh.faces] - point, 1, 0)
-    la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
-    above = np.einsum("fi,fi->f", a, np.cross(b, c))
-    below = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb
-    return float(np.arctan2(above, below).sum() / (2.0 * np.pi))
+from benchharness.winding import winding_number
 
 
 def is_closed(mesh: Mesh) -> bool:

@@ -10,8 +10,9 @@ import pytest
 import trimesh
 from PIL import Image, ImageDraw
 
-from benchharness.inside import check_cameras, winding_number
+from benchharness.inside import check_cameras
 from benchharness.scene import Mesh, Scene, refined
+from benchharness.winding import winding_number
 from scenes import insects, picnic
 from scenes.ant import EYES, NODS, PLACES, ant
 

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from benchharness.inside import check_cameras, winding_number
+from benchharness.inside import check_cameras
 from benchharness.scene import Mesh, Scene
+from benchharness.winding import winding_number
 from scenes import creature
 from scenes.bunnies import CELLS, MIRROR_DEG, SCALE, bunnies
 from scenes.implicit import field, gradient

@@ -8,6 +8,7 @@ import trimesh
 
 from benchharness import inside, tablescene
 from benchharness.scene import Camera, Mesh, Object, Reflector, Scene
+from benchharness.winding import winding_number
 
 CAMERA = {"path": [[0, -4, 0], [0, -4, 2]], "target": [0, 0, 0], "fov_deg": 40}
 
@@ -32,16 +33,16 @@ def built(folder, **changes):
 
 
 def test_the_winding_number_is_one_inside_a_closed_mesh_and_zero_outside():
-    assert inside.winding_number(ball(), np.array([0.3, -0.2, 0.4])) == pytest.approx(1.0, abs=1e-12)
-    assert inside.winding_number(ball(), np.array([0.0, 0.0, 1.5])) == pytest.approx(0.0, abs=1e-12)
+    assert winding_number(ball(), np.array([0.3, -0.2, 0.4])) == pytest.approx(1.0, abs=1e-12)
+    assert winding_number(ball(), np.array([0.0, 0.0, 1.5])) == pytest.approx(0.0, abs=1e-12)
     flipped = Mesh(ball().vertices, ball().faces[:, ::-1])
-    assert inside.winding_number(flipped, np.zeros(3)) == pytest.approx(-1.0, abs=1e-12)
+    assert winding_number(flipped, np.zeros(3)) == pytest.approx(-1.0, abs=1e-12)
 
 
 def test_one_octant_triangle_covers_an_eighth_of_the_sphere():
     # The triangle (1,0,0), (0,1,0), (0,0,1) hides one octant of the directions from the origin: 1/8 of 4π.
     octant = Mesh(np.eye(3), np.array([[0, 1, 2]]))
-    assert inside.winding_number(octant, np.zeros(3)) == pytest.approx(1 / 8, abs=1e-15)
+    assert winding_number(octant, np.zeros(3)) == pytest.approx(1 / 8, abs=1e-15)
 
 
 def test_a_mesh_is_closed_if_every_edge_has_two_faces_wherever_its_vertices_are_split():
@@ -92,7 +93,7 @@ def test_the_nodes_of_a_glb_stand_where_its_scene_puts_them(tmp_path):
     x = mesh.vertices[:, 0]
     assert (x.max(), x.min()) == pytest.approx((11, -2), abs=1e-6)
     # The mirrored node is turned inside out again: its faces go round the origin counter-clockwise from outside.
-    assert inside.winding_number(mesh, np.zeros(3)) == pytest.approx(1.0, abs=1e-6)
+    assert winding_number(mesh, np.zeros(3)) == pytest.approx(1.0, abs=1e-6)
     # On the ellipsoid x²/4 + y² + z² = 1 the normal is along (x/4, y, z).
     near = x < 5
     outward = mesh.vertices[near] * [0.25, 1, 1]
