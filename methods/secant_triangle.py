@@ -281,7 +281,7 @@ def _solve(
     s = secant.solve(options.search, star, where, u, warm, triangle | (searched & warm), tau, max_iter)
     R, n, converged, residual, iterations = s.R, s.n, s.converged, s.residual, s.iterations
     behind = s.behind
-    if sight is not None and not mesh.convex:
+    if sight is not None:
         converged = s.converged & newton.arrived(mesh, where, *newton.located(mesh, star.centre, s.u, s.converged))
     if sight is not None:
         goes_on = searched & (mi.Bool(options.newton == "always") | ~converged)

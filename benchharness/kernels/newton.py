@@ -100,6 +100,7 @@ class Point:
     f         half vector - normal
     step      Newton's step, in barycentric coordinates and in space
     pixels    length of the step on the screen
+    lands     whether the step ends in the same triangle
     front     whether E and V are in front
     """
 
@@ -109,7 +110,14 @@ class Point:
     step_b: mi.Vector2f
     step: mi.Vector3f
     pixels: mi.Float
+    lands: mi.Bool
     front: mi.Bool
+
+    def proven(self) -> mi.Bool:
+        """Whether there is a reflection point here: no further than TOLERANCE, or than TRUSTED in the same triangle. What the
+        triangle's normals promise beyond its edges is not kept where normals jump, where two roots have met and gone, and where
+        the mesh ends."""
+        return self.front & ((self.pixels < TOLERANCE) | (self.lands & (self.pixels < TRUSTED)))
 
 
 def mesh(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, backs: bool = True) -> Mesh:
@@ -231,13 +239,13 @@ def look(mirror: Mesh, where: Place, on: Where, active) -> Point:
     (x0, y0), (x1, y1) = where.pixel(m.P), where.pixel(m.P + step)
     pixels = dr.select(usable, dr.norm(mi.Vector2f(x1 - x0, y1 - y0)), dr.inf)
     front = (dr.dot(m.N, m.w_E) > 0) & (dr.dot(m.N, m.w_V) > 0)
-    return Point(mi.Point3f(m.P), mi.Normal3f(m.N), dr.norm(m.f), step_b * cut, mi.Vector3f(step * cut), pixels, front)
+    lands = _inside(on.b + step_b)
+    return Point(mi.Point3f(m.P), mi.Normal3f(m.N), dr.norm(m.f), step_b * cut, mi.Vector3f(step * cut), pixels, lands, front)
 
 
 def arrived(mirror: Mesh, where: Place, on: Where, active) -> mi.Bool:
     """Whether a point of the mesh is a reflection point, as near to it as an answer of `walk` that calls itself converged."""
-    at = look(mirror, where, on, active)
-    return active & at.front & (at.pixels < TRUSTED)
+    return active & look(mirror, where, on, active).proven()
 
 
 MINIMUM, SADDLE, MAXIMUM = 1, 2, 3
@@ -299,7 +307,7 @@ def walk(mirror: Mesh, where: Place, first: Where, active, max_iter, touches=Fal
         on, at = dr.select(better, there, on), dr.select(better, new, at)
         damping = dr.select(better, dr.minimum(1, 2 * damping), 0.5 * damping)
         running &= (at.pixels > TOLERANCE) & (damping >= least) & (iterations < max_iter)
-    converged = active & dr.select(touches, dr.dot(at.N, where.eye - at.P) > 0, at.front & (at.pixels < TRUSTED))
+    converged = active & dr.select(touches, dr.dot(at.N, where.eye - at.P) > 0, at.proven())
     return Solution(on, at.P, at.N, converged, dr.select(touches, 0, at.f), dr.select(active, iterations, 0))
 
 
