@@ -123,6 +123,8 @@ class Newton(Method):
             return vertexwise.Solved(images, end, report, drawing, newton.Shadow(mesh, pose), back, own=own)
 
         shown = vertexwise.shown(seen, frame, solve)
+        if self.multi == 1:
+            shown.report["valid"] = several.valid(state.mirrors, seen.objects, frame, seen.world.points, shown.report)
         vertices = Vertices(**shown.report, further=[Vertices(**report) for report in shown.further])
         reflection = Reflection(shown.L, shown.distance, shown.found, vertices, shown.counters, shown.doubt)
         return reflection, replace(state, ends=shown.ends, view=frame.view)

@@ -233,6 +233,9 @@ class SecantTriangle(Method):
             return vertexwise.Solved(images, end, report, drawing, hider, back, {"backtracks": backtracks}, own=own)
 
         shown = vertexwise.shown(seen, frame, solve)
+        if self.multi == 1:
+            meshes = [m.mesh if m.sheet is None else m.sheet for m in state.mirrors]
+            shown.report["valid"] = several.valid(meshes, seen.objects, frame, seen.world.points, shown.report)
         vertices = Vertices(**shown.report, further=[Vertices(**report) for report in shown.further])
         reflection = Reflection(shown.L, shown.distance, shown.found, vertices, shown.counters, shown.doubt)
         return reflection, replace(state, ends=shown.ends, view=frame.view)
@@ -281,9 +284,10 @@ def _solve(
     s = secant.solve(options.search, star, where, u, warm, triangle | (searched & warm), tau, max_iter)
     R, n, converged, residual, iterations = s.R, s.n, s.converged, s.residual, s.iterations
     behind = s.behind
-    if sight is not None:
+    if sight is None:
+        converged = s.converged & secant.settled(options.search.residual, star, where, s, s.converged)
+    else:
         converged = s.converged & newton.arrived(mesh, where, *newton.located(mesh, star.centre, s.u, s.converged))
-    if sight is not None:
         goes_on = searched & (mi.Bool(options.newton == "always") | ~converged)
         first, met = newton.located(mesh, star.centre, s.u, goes_on & ~sight.near)
         begins_anew = goes_on & ~(met & s.converged) & ~sight.near
@@ -351,7 +355,9 @@ def _solve_several(
     u = placement.unit(starts.P - star.centre)
     s = secant.solve(options.search, star, where, u, mi.Bool(True), active, tau, max_iter)
     exact = s.converged
-    if options.newton != "off":
+    if options.newton == "off":
+        exact &= secant.settled(options.search.residual, star, where, s, s.converged)
+    else:
         exact &= newton.arrived(mesh, where, *newton.located(mesh, star.centre, s.u, s.converged))
     ends = several.Ends(s.R, s.n, exact, exact, s.residual, s.iterations, None)
     if options.newton != "off":
