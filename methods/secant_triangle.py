@@ -15,8 +15,9 @@ Where we differ:
   longest edge.
 * `start = "near"` begins with a small triangle where a sphere would reflect V; the paper's begins with one as wide as the angle
   between V and E. `warm` begins at the last frame's answer.
-* Half vector and normal may nearly agree far from where they do, near a focus or the edge of a sheet. On a mirror that is not
-  convex, Newton's next step is asked for unless `newton` is off, and a search has converged only where that is short.
+* Half vector and normal may nearly agree far from where they do: near a focus, an edge, on what is flat or a needle. Newton's
+  next step on the mesh is asked for, and a search has converged only where that is short. With `newton` off there is no mesh:
+  a triangle one texel of the map wide must lead back to the same point.
 * `newton = "always"` lets Newton's method on the mirror's own mesh go on from the triangle's last sample, and begin anew where
   the triangle was lost; "restart" only what has not converged. It also asks one ray from eye to vertex whether the mirror
   hides it.
@@ -287,10 +288,10 @@ def _solve(
     if sight is None:
         converged = s.converged & secant.settled(options.search.residual, star, where, s, s.converged)
     else:
-        converged = s.converged & newton.arrived(mesh, where, *newton.located(mesh, star.centre, s.u, s.converged))
+        first, met = newton.located(mesh, star.centre, s.u, s.converged)
+        converged = met if options.newton == "always" else newton.arrived(mesh, where, first, met)
         goes_on = searched & (mi.Bool(options.newton == "always") | ~converged)
-        first, met = newton.located(mesh, star.centre, s.u, goes_on & ~sight.near)
-        begins_anew = goes_on & ~(met & s.converged) & ~sight.near
+        begins_anew = goes_on & ~met & ~sight.near
         candidate, promising = newton.best_candidate(mesh, where, begins_anew, shadow)
         first = dr.select(sight.near, sight.on, dr.select(begins_anew, candidate, first))
         goes_on &= dr.select(begins_anew, promising, met | sight.near)
@@ -354,16 +355,15 @@ def _solve_several(
     where, active = starts.where, starts.active
     u = placement.unit(starts.P - star.centre)
     s = secant.solve(options.search, star, where, u, mi.Bool(True), active, tau, max_iter)
-    exact = s.converged
     if options.newton == "off":
-        exact &= secant.settled(options.search.residual, star, where, s, s.converged)
+        exact = s.converged & secant.settled(options.search.residual, star, where, s, s.converged)
+        ends = several.Ends(s.R, s.n, s.converged, exact, s.residual, s.iterations, None)
     else:
-        exact &= newton.arrived(mesh, where, *newton.located(mesh, star.centre, s.u, s.converged))
-    ends = several.Ends(s.R, s.n, exact, exact, s.residual, s.iterations, None)
-    if options.newton != "off":
         # On from the triangle's last sample; from its start where it was lost.
+        first, met = newton.located(mesh, star.centre, s.u, s.converged)
+        exact = met if options.newton == "always" else newton.arrived(mesh, where, first, met)
         goes_on = active & (mi.Bool(options.newton == "always") | ~exact | starts.touches)
-        first, met = newton.located(mesh, star.centre, s.u, goes_on & s.converged & ~starts.touches)
+        met &= ~starts.touches
         first = newton.Where(dr.select(met, first.triangle, starts.on.triangle), dr.select(met, first.b, starts.on.b))
         walked = newton.walk(mesh, where, first, goes_on, max_iter, starts.touches)
         converged = dr.select(goes_on, walked.converged, exact)
