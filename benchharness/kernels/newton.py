@@ -38,6 +38,7 @@ TRUSTED = 0.25  # pixels; longest next step of an answer that calls itself conve
 ROUNDING = 1e-6  # of a mesh's size; mean depth of hollows in a mesh that counts as convex
 NEAREST = 1e-5  # of the mirror's size; a vertex nearer to the mirror than this touches it
 SHADOWED = 1e-4  # of the mirror's size; a vertex is in the mirror's shadow if it is this much behind where its ray meets it
+ROUNDED = 1e-6  # of a ray's length; float32 does not know better where it ends
 CLOSE = 1e-2  # of the mirror's size; a vertex this much in front of where its ray meets the mirror is reflected near there
 
 
@@ -385,7 +386,7 @@ class Shadow:
         d = where.V - where.eye
         length = dr.norm(d)
         ray = mi.Ray3f(where.eye, d * dr.rcp(dr.maximum(length, 1e-20)))
-        ray.maxt = length - SHADOWED * self.mesh.size
+        ray.maxt = length - NEAREST * self.mesh.size - ROUNDED * length
         hit = self.mesh.scene.ray_intersect_preliminary(ray, coherent=True, active=active)
         depth = dr.dot(view.w, mi.Vector4f(x.x, x.y, x.z, 1)) * hit.t * dr.rcp(dr.maximum(length, 1e-20))
         return hit.is_valid(), depth
