@@ -32,6 +32,7 @@ CERTAIN = 1.0  # texels; a search that ended on the best texel leaves at most ha
 BEND = 0.25  # square of the largest second difference, relative to the first over both sides, of a smooth texture
 STRAY = 0.3  # |half vector - normal| of an end that is no reflection; at outlines one texel turns the normal by up to this
 KEPT = 0.1  # texels; how far from where the rates put it the reflection point may still be
+UNKNOWN_PX = 0.5  # texels that a converged search may be off for what its texture does not tell
 OUTSIDE = -8.0  # below every score: "sq" lies in [-4, 0], "dot" in [-1, 1]
 
 
@@ -243,13 +244,14 @@ def climb(kind: str, neighbourhood: str, texels, view, vertex, column, row, stri
 def around(texels, view, column, row, vertex: mi.Point3f, active):
     """B - N at a texel and its rates of change per column and per row, with the point's own.
 
-    Returns (difference, d_column, d_row, p, n, p_column, p_row, n_column, n_row, complete, smooth): central differences over
-    the four neighbours, `complete` where all five are covered and B is defined at each, `smooth` where both sides agree too.
+    Returns (difference, d_column, d_row, p, n, p_column, p_row, n_column, n_row, complete, smooth, bent): central differences
+    over the four neighbours, `complete` where all five are covered and B is defined at each, `smooth` where both sides agree
+    too; the sum of the squares of how far they do not.
     """
     covered, p, n = fetch(texels, view, column, row, active)
     centre, complete = mismatch(p, n, view.eye, vertex)
     complete &= covered
-    rates, smooth = [], mi.Bool(True)
+    rates, smooth, bent = [], mi.Bool(True), mi.Float(0)
     for dx, dy in ((1, 0), (0, 1)):
         ends = []
         for side in (1, -1):
@@ -260,9 +262,10 @@ def around(texels, view, column, row, vertex: mi.Point3f, active):
         # Where the two sides change at different rates, a step or an outline lies between.
         bend, turn = ends[0][0] + ends[1][0] - 2 * centre, ends[0][0] - ends[1][0]
         smooth &= dr.squared_norm(bend) <= BEND * dr.squared_norm(turn)
+        bent += dr.squared_norm(bend)
         rates.append([0.5 * (a - b) for a, b in zip(*ends, strict=True)])
     (dc, pc, nc), (dr_, pr, nr) = rates
-    return centre, dc, dr_, p, n, pc, pr, nc, nr, complete, complete & smooth
+    return centre, dc, dr_, p, n, pc, pr, nc, nr, complete, complete & smooth, bent
 
 
 def least_squares(f: mi.Vector3f, a: mi.Vector3f, b: mi.Vector3f) -> tuple[mi.Float, mi.Float, mi.Bool]:
@@ -324,7 +327,7 @@ def find(kind, neighbourhood, subtexel: bool, texels, view, vertex, column, row,
     column, row, _, iterations, reads, settled = climb(
         kind, neighbourhood, texels, view, vertex, column, row, stride, active, max_iter
     )
-    difference, d_column, d_row, R, n, p_column, p_row, n_column, n_row, complete, smooth = around(
+    difference, d_column, d_row, R, n, p_column, p_row, n_column, n_row, complete, smooth, bent = around(
         texels, view, column, row, vertex, active
     )
     covered = fetch(texels, view, column, row, active)[0]
@@ -341,7 +344,11 @@ def find(kind, neighbourhood, subtexel: bool, texels, view, vertex, column, row,
     stray = in_front & ~certain & (residual > STRAY)
     reflected = active & covered & in_front & ~stray
     edge = (column == 0) | (row == 0) | (column == view.width - 1) | (row == view.height - 1)
-    converged = reflected & certain
+    # Between texels, second differences leave an eighth of them unknown. Where B - N hardly changes in some direction, as it does
+    # at a focus, that moves the point by pixels.
+    aa, ab, bb = dr.squared_norm(d_column), dr.dot(d_column, d_row), dr.squared_norm(d_row)
+    least = 0.5 * (aa + bb - dr.sqrt(dr.square(aa - bb) + 4 * ab * ab))
+    converged = reflected & certain & (bent <= dr.square(8 * UNKNOWN_PX) * least)
     return Found(
         column=column,
         row=row,
