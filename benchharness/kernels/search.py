@@ -32,7 +32,7 @@ CERTAIN = 1.0  # texels; a search that ended on the best texel leaves at most ha
 BEND = 0.25  # square of the largest second difference, relative to the first over both sides, of a smooth texture
 STRAY = 0.3  # |half vector - normal| of an end that is no reflection; at outlines one texel turns the normal by up to this
 KEPT = 0.1  # texels; how far from where the rates put it the reflection point may still be
-UNKNOWN_PX = 0.5  # texels that a converged search may be off for what its texture does not tell
+UNKNOWN_PX = 0.25  # texels that a converged search may be off for what its texture does not tell
 OUTSIDE = -8.0  # below every score: "sq" lies in [-4, 0], "dot" in [-1, 1]
 
 
