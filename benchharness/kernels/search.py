@@ -344,8 +344,8 @@ def find(kind, neighbourhood, subtexel: bool, texels, view, vertex, column, row,
     stray = in_front & ~certain & (residual > STRAY)
     reflected = active & covered & in_front & ~stray
     edge = (column == 0) | (row == 0) | (column == view.width - 1) | (row == view.height - 1)
-    # Between texels, second differences leave an eighth of them unknown. Where B - N hardly changes in some direction, as it does
-    # at a focus, that moves the point by pixels.
+    # Between texels, second differences leave an eighth of them unknown. Where B - N hardly changes in some direction, as at a
+    # focus, that moves the point by pixels.
     aa, ab, bb = dr.squared_norm(d_column), dr.dot(d_column, d_row), dr.squared_norm(d_row)
     least = 0.5 * (aa + bb - dr.sqrt(dr.square(aa - bb) + 4 * ab * ab))
     converged = reflected & certain & (bent <= dr.square(8 * UNKNOWN_PX) * least)

@@ -249,7 +249,7 @@ def settled(kind: str, star: starmap.StarMap, where: Place, s: Solution, active)
     map's texels, a wider one sees other gradients.
     """
     a, b, c = _around(kind, star, where, s.u, mi.Float(2 / star.n), active)
-    # Gradients lie in planes of their own. Out of that in the middle they turn with the gradient's length, and not with its root.
+    # Gradients lie in planes of their own. Out of that in the middle they turn with the gradient's length.
     axis = s.u if kind == "param" else mi.Vector3f(s.n)
     a, b, c = (Sample(k.p, k.g - dr.dot(k.g, axis) * axis, k.x, k.y) for k in (a, b, c))
     d, flat = _plane(a, b, c)
