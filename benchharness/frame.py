@@ -69,7 +69,7 @@ class FrameRenderer:
         self._posed: tuple[np.ndarray, mi.Float, geometry.Geometry] | None = None
 
     def view(self, index: int) -> View:
-        return view_of(self.scene.camera(self.scene.time(index)), self.width, self.height, self.scene.near)
+        return view_of(self.scene.camera(self.scene.time(index)), self.width, self.height, self.scene.near_plane)
 
     def render(self, index: int) -> Frame:
         """The frame number `index` of the animation, evaluated."""
@@ -94,7 +94,7 @@ class FrameRenderer:
         vertices = (reflector.closed or reflector.mesh).vertices @ pose[:3, :3].T + pose[:3, 3]
         rows = self.scene.camera(time).world_to_screen(self.width, self.height)
         q = vertices @ rows[:, :3].T + rows[:, 3]
-        if (q[:, 2] <= self.scene.near).any():
+        if (q[:, 2] <= self.scene.near_plane).any():
             return (-10 * self.width, -10 * self.height, 11 * self.width, 11 * self.height)
         pixels = q[:, :2] / q[:, 2:]
         (left, top), (right, bottom) = np.floor(pixels.min(axis=0)), np.ceil(pixels.max(axis=0))

@@ -64,7 +64,7 @@ class Options:
 @dataclass
 class Stage:
     """The scene on the device: `triangles` as `geometry.of_scene_seen` has them, `metals` as `optics.metals_of`, per part its
-    faces and how many; `centre`: where the panorama was taken."""
+    faces and how many; `centre`: where the panorama was taken; `unit`: metres per unit of length."""
 
     plan: Plan
     triangles: geometry.Geometry
@@ -72,6 +72,7 @@ class Stage:
     infinity: surroundings.Surroundings
     centre: np.ndarray
     metals: mi.Float
+    unit: float
 
 
 @dataclass
@@ -107,7 +108,7 @@ def stage(scene, planned: Plan) -> Stage:
     triangles = geometry.of_scene_seen(scene)
     faces = [impostor.faces_of(triangles, part) for part in range(len(scene.parts))]
     centre = np.zeros(3) if scene.environment is None else np.asarray(scene.environment.centre, np.float64)
-    return Stage(planned, triangles, faces, surroundings.of_scene(scene), centre, optics.metals_of(scene))
+    return Stage(planned, triangles, faces, surroundings.of_scene(scene), centre, optics.metals_of(scene), scene.unit)
 
 
 def nothing(planned: Plan) -> Taken:
@@ -326,7 +327,7 @@ def _walls(on: Stage, poses: np.ndarray, options: Options) -> backdrop.Walls | N
         return None
     viewpoint = _viewpoint(on.plan, Slot(ground, None), poses)
     stand = impostor.on_plane(on.plan.shapes[ground], viewpoint).moved(poses[ground])
-    numbers = (stand.centre, stand.a / stand.half[0], stand.b / stand.half[1], stand.k / options.walls, on.centre)
+    numbers = (stand.centre, stand.a / stand.half[0], stand.b / stand.half[1], stand.k * (on.unit / options.walls), on.centre)
     middle, a, b, up, centre = ([float(x) for x in v] for v in numbers)
     walls = backdrop.Walls(mi.Point3f(*middle), mi.Vector3f(*a), mi.Vector3f(*b), mi.Vector3f(*up), mi.Point3f(*centre))
     dr.make_opaque(walls)
@@ -381,7 +382,7 @@ def shown(state: State, frame, manner: bounces.Manner, attenuation: float) -> Sh
         empty = dr.zeros(mi.Float, dr.width(frame.active))
         return Shown(mi.Color3f(empty), empty, counters, after, mi.Bool(False))
     answer = bounces.reflected(state.cast, frame.view, [frame.p, frame.n, frame.reflector], frame.pixels, manner)
-    L = answer.L * dr.exp(-attenuation * answer.distance) if attenuation > 0 else answer.L
+    L = answer.L * dr.exp(-attenuation * state.stage.unit * answer.distance) if attenuation > 0 else answer.L
     x, y, z, distance, doubt = pixels.spread([L.x, L.y, L.z, answer.distance, answer.doubt], frame)
     counters |= {"quad_tests": answer.tests, "depth_steps": answer.work, "second_order": mi.UInt32(answer.second)}
     return Shown(mi.Color3f(x, y, z), distance, counters, after, doubt)
