@@ -343,7 +343,7 @@ def _job(spec: SceneSpec, run: Run, entries: list[Entry], path: Path) -> Job:
         "scene_hash": identity.of_scene(scene),
     }
     images = frames if run.images is None else sorted(run.images)
-    return Job(spec, frames, images, facts, entries, [str(note) for note in notes])
+    return Job(spec, frames, images, facts, entries, [str(note) for note in notes if note.remarkable])
 
 
 def _check_light(scene: Scene, where: str) -> None:

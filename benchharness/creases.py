@@ -1,8 +1,8 @@
 """Vertex normals for faces that came without: smooth where neighbours turn little, with a crease where they turn much.
 
-At every corner of a face stands a vertex of its own. Two corners are one vertex if their faces meet in an edge with an angle below
-the crease's; what is left after that has the area-weighted normal of its faces. Vertices count as joined by place, so that a
-seam in a file is none here.
+At every corner of a face stands a vertex of its own. Two corners are one vertex if their faces meet in an edge with an angle
+below the crease's; its normal is the mean of its faces', weighted by their angles there (Thürmer and Wüthrich 1998), which
+does not depend on how a surface is cut. Vertices count as joined by place, so that a seam in a file is none here.
 """
 
 from __future__ import annotations
@@ -44,7 +44,10 @@ def creased(
     total, vertex = connected_components(joined, directed=False)
 
     normals = np.zeros((total, 3))
-    np.add.at(normals, vertex, np.repeat(crossed, 3, axis=0))
+    corners = vertices[faces]
+    ahead, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    angle = np.arctan2(np.linalg.norm(np.cross(ahead, back), axis=2), np.einsum("fki,fki->fk", ahead, back))
+    np.add.at(normals, vertex, angle.reshape(-1, 1) * np.repeat(unit, 3, axis=0))
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = np.where(length > 0, normals / np.maximum(length, 1e-300), [0.0, 0.0, 1.0])
     out = np.empty((total, 3))

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from benchharness.scene import Mesh, Object, Reflector, Scene, vertex_normals
 
 EYES = 32  # of an animation at most, and
 POINTS = 8  # of a mirror, from which it is asked what is seen
+REMARKABLE = 0.1  # of a part's faces
 TIMES = 3  # of the animation, at which mirrors are where they are
 
 
@@ -36,6 +38,11 @@ class Turned:
     normals: int
     one_sided: int
 
+    @property
+    def remarkable(self) -> bool:
+        """Whether it is worth a word: the walls behind all others, which nobody sees, are not."""
+        return self.faces > REMARKABLE * self.of or self.normals > 3 * REMARKABLE * self.of or self.one_sided > 0
+
     def __str__(self) -> str:
         said = []
         if self.faces:
@@ -47,6 +54,7 @@ class Turned:
         return f"{self.part}: " + "; ".join(said)
 
 
+@lru_cache(maxsize=8)
 def oriented(scene: Scene) -> tuple[Scene, list[Turned]]:
     """The scene with its triangles turned as above, and what was changed; the scene itself where nothing was.
 
@@ -98,9 +106,12 @@ def _seen_from_front(scene: Scene, part: Object, found: winding.Pieces) -> np.nd
     sign = found.sign * _by_piece(found, outward & found.two_sided)
     turn = np.zeros(len(found.closed), bool)
     eyes = np.array([_local(part, t, [scene.camera(t).eye])[0] for t in _times(scene, EYES)])
-    for piece in np.flatnonzero(found.closed & found.two_sided):
+    low, high = _boxes(part.mesh, found)
+    around = ((eyes.min(axis=0) > low) & (eyes.max(axis=0) < high)).all(axis=1)
+    for piece in np.flatnonzero(found.closed & found.two_sided & around):
         faces = winding.turned(part.mesh.faces, sign)[found.piece == piece]
-        turn[piece] = _all_inside(winding.Surface(part.mesh.vertices, faces), eyes)
+        solid = winding.Surface(part.mesh.vertices, faces)
+        turn[piece] = all(winding.winding_number(solid, eye) > 0.5 for eye in eyes)
     open_ = found.two_sided & ~found.closed
     if open_.any():
         viewers = np.concatenate([eyes, *_mirrors(scene, part)])
@@ -122,11 +133,13 @@ def _volumes(mesh: Mesh, found: winding.Pieces) -> np.ndarray:
     return np.bincount(found.piece, each * found.sign, len(found.closed))
 
 
-def _all_inside(mesh: winding.Surface, points: np.ndarray) -> bool:
-    """Whether a closed mesh that is wound outwards holds all points [N, 3]."""
-    corners = mesh.vertices[mesh.faces].reshape(-1, 3)
-    within = (points > corners.min(axis=0)) & (points < corners.max(axis=0))
-    return bool(within.all()) and all(winding.winding_number(mesh, point) > 0.5 for point in points)
+def _boxes(mesh: Mesh, found: winding.Pieces) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest corner of every piece's box, float64 [P, 3]."""
+    low, high = np.full((len(found.closed), 3), np.inf), np.full((len(found.closed), 3), -np.inf)
+    which, corners = np.repeat(found.piece, 3), mesh.vertices[mesh.faces].reshape(-1, 3)
+    np.minimum.at(low, which, corners)
+    np.maximum.at(high, which, corners)
+    return low, high
 
 
 def _mirrors(scene: Scene, part: Object) -> Iterator[np.ndarray]:
