@@ -1,0 +1,140 @@
+"""An eye far from the mirror, with a field of view that the mirror fills: what float32 keeps of it.
+
+A mirror of one unit around the origin takes up the same pixels from 3 units away as from 10,000. So it should be drawn as well.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from answers import off_px
+from mirror_room import mirror_ball, scene, shaded, smooth, still, walls
+from ray_oracle import first_hits, rays
+from truth_shapes import unit
+
+from benchharness.frame import FrameRenderer
+from benchharness.scene import Mesh, Reflector
+from methods.image_space_search import ImageSpaceSearch
+from methods.newton import Newton
+from methods.secant_triangle import SecantTriangle
+
+DISTANCES = (3.0, 60.0, 200.0, 1000.0, 10_000.0)
+FAR = DISTANCES[1:]
+TOWARDS = unit(np.array([0.2, -1.7, 0.25]))
+RADIUS = 0.5
+WIDTH, HEIGHT = 96, 72
+HALF = 2.0  # of the room
+
+
+def camera(distance: float, reach: float = 1.15 * RADIUS):
+    """From `distance` units away; what is `reach` above the middle is at the upper edge of the picture."""
+    fov = 2 * np.degrees(np.arctan(reach / distance))
+    return still(distance * TOWARDS, (0.013, 0.0, -0.021), fov)
+
+
+def patch() -> Mesh:
+    """A saddle, z = x y, 24 x 24 quads of it, with its own normals; open, and turned to the eye."""
+    s, t = np.meshgrid(np.linspace(-0.4, 0.4, 25), np.linspace(-0.4, 0.4, 25))
+    s, t = s.ravel(), t.ravel()
+    across, up = unit(np.cross(TOWARDS, [0, 0, 1])), np.array([0, 0, 1.0])
+    points = s[:, None] * across + t[:, None] * up + (2 * s * t)[:, None] * TOWARDS
+    normals = unit(TOWARDS - 2 * t[:, None] * across - 2 * s[:, None] * up)
+    i = (np.arange(24)[:, None] * 25 + np.arange(24)).ravel()
+    faces = np.concatenate([np.stack([i, i + 1, i + 25], 1), np.stack([i + 1, i + 26, i + 25], 1)])
+    return Mesh(points, faces, normals)
+
+
+MIRRORS = {"ball": mirror_ball(fine=24), "saddle": Reflector("saddle", patch())}
+
+
+@pytest.mark.parametrize("distance", DISTANCES)
+@pytest.mark.parametrize("name", MIRRORS)
+def test_the_first_hits_are_those_of_the_rays_through_the_pixels_centres(name, distance):
+    made = scene((), (MIRRORS[name],), camera(distance))
+    frame = FrameRenderer(made, WIDTH, HEIGHT).render(0)
+    part, p, n, _, _ = first_hits(made, 0.0, WIDTH, HEIGHT)
+    expected, active = part >= 0, np.array(frame.active)
+    assert expected.sum() > 2000
+    # Centres that an outline of 200 pixels comes within 1e-3 pixels of.
+    assert (expected != active).sum() <= 3
+    both = expected & active
+    got, normal = np.array(frame.p, np.float64).T[both], np.array(frame.n, np.float64).T[both]
+    pixel = 2 * 1.15 * RADIUS / HEIGHT  # units
+    d = unit(rays(made.camera(0.0), WIDTH, HEIGHT)[both])
+    off = got - p[both]
+    across = np.linalg.norm(off - (off * d).sum(axis=1, keepdims=True) * d, axis=1) / pixel
+    assert np.quantile(across, 0.99) < 0.002 and across.max() < 0.05
+    # Along the ray, what is seen at a slant is off by as much more.
+    slant = np.abs((n[both] * d).sum(axis=1))
+    assert (np.linalg.norm(off, axis=1) * slant).max() / pixel < 0.05
+    turn = np.degrees(np.linalg.norm(normal - n[both], axis=1))
+    assert np.quantile(turn, 0.99) < 0.005 and turn.max() < 0.05
+
+
+def room(distance: float):
+    """A mirror ball in a room of smooth colours that is seen into from outside."""
+    return scene((walls(HALF),), (mirror_ball(),), camera(distance))
+
+
+def in_the_room(o, d):
+    """Radiance [N, 3] where rays from inside meet the walls."""
+    with np.errstate(divide="ignore"):
+        t = ((np.sign(d) * HALF - o) / d).min(axis=1)
+    return smooth(o + t[:, None] * d)
+
+
+def expected_in_ball(made, size):
+    """Radiance that the ball shows, NaN beside it: [H, W, 3]."""
+    d, eye = unit(rays(made.camera(0.0), *size)), np.asarray(made.camera(0.0).eye)
+    b = d @ eye
+    disc = b * b - (eye @ eye - RADIUS**2)
+    inside = disc > 0
+    p = eye + (-b - np.sqrt(np.maximum(disc, 0)))[:, None] * d
+    n = unit(p)
+    out = d - 2 * (d * n).sum(axis=1, keepdims=True) * n
+    return np.where(inside[:, None], in_the_room(p, out), np.nan).reshape(size[1], size[0], 3)
+
+
+SIZE = (160, 120)  # as `answers` has it
+METHODS = {
+    "image_space_search": ImageSpaceSearch(),
+    "secant_triangle": SecantTriangle(),
+    "secant_triangle, triangles of the screen": SecantTriangle(depth="screen_linear", hidden="drop", newton="off"),
+    "newton": Newton(),
+}
+AT_HAND = {}
+
+
+def told(name: str, distance: float) -> dict[str, float]:
+    """What a method says and shows of the room."""
+    if (name, distance) in AT_HAND:
+        return AT_HAND[name, distance]
+    made = room(distance)
+    answer = shaded(METHODS[name], made, 0, size=SIZE)[0]
+    vertices = answer.reflection.vertices
+    off = off_px(answer, made)
+    wrong = (answer.L - expected_in_ball(made, SIZE))[answer.active & answer.found]
+    wrong = wrong[np.isfinite(wrong).all(axis=1)]
+    AT_HAND[name, distance] = {
+        "converged": float(np.array(vertices.converged)[: len(made.objects[0].mesh.vertices)].mean()),
+        "off px": float(np.nanquantile(off, 0.95)),
+        "unknown": float(np.isnan(off).mean()),
+        "found": float(answer.found[answer.active].mean()),
+        "rms": float(np.sqrt((wrong**2).mean())),
+        "doubt": float(np.array(answer.reflection.doubt).reshape(answer.active.shape)[answer.active].mean()),
+    }
+    return AT_HAND[name, distance]
+
+
+@pytest.mark.parametrize("distance", FAR)
+@pytest.mark.parametrize("name", METHODS)
+def test_vertices_find_their_reflections_from_far_as_well_as_from_near(name, distance):
+    near, far = told(name, DISTANCES[0]), told(name, distance)
+    assert near["converged"] > 0.8
+    assert far["converged"] > 0.95 * near["converged"]
+    assert far["off px"] < near["off px"] + 0.02
+    assert far["unknown"] <= near["unknown"] + 0.02
+    # The picture: an eye farther away sees rather less of the walls at a grazing angle, where most of the error is.
+    assert far["found"] > near["found"] - 0.01
+    assert far["rms"] < 1.2 * near["rms"] + 0.002
+    assert abs(far["doubt"] - near["doubt"]) < 0.1
