@@ -23,11 +23,16 @@ def opaque(kind, values):
     return array
 
 
+FAR = 8.0  # units; from an eye this deep before the world's origin, depths are told from there
+
+
 def view_of(camera: Camera, width: int, height: int, near: float) -> View:
     """The camera on the device; pixel centres at + 0.5, rows downwards."""
     right, down, forward = camera.axes()
     focal = 0.5 * height / np.tan(0.5 * np.radians(camera.fov_deg))
     x, y, w = camera.world_to_screen(width, height)
+    axis = forward - (0.5 * width * right + 0.5 * height * down) / focal
+    depth = w[3] if w[3] >= FAR else 0.0
     return View(
         eye=opaque(mi.Point3f, camera.eye),
         x=opaque(mi.Vector4f, x),
@@ -35,7 +40,9 @@ def view_of(camera: Camera, width: int, height: int, near: float) -> View:
         w=opaque(mi.Vector4f, w),
         right=opaque(mi.Vector3f, right / focal),
         down=opaque(mi.Vector3f, down / focal),
-        axis=opaque(mi.Vector3f, forward - (0.5 * width * right + 0.5 * height * down) / focal),
+        axis=opaque(mi.Vector3f, axis),
+        depth=opaque(mi.Float, depth),
+        origin=opaque(mi.Point3f, camera.eye + depth * axis),
         near=opaque(mi.Float, near),
         width=width,
         height=height,

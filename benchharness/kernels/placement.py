@@ -27,6 +27,14 @@ class Place:
         scale = dr.rcp(dr.maximum(dr.dot(self.w, q), 1e-6))
         return dr.dot(self.x, q) * scale, dr.dot(self.y, q) * scale
 
+    def step(self, p: mi.Point3f, d: mi.Vector3f) -> mi.Float:
+        """How many pixels p + d is from p, both in front of the eye."""
+        x, y = self.pixel(p)
+        along = dr.dot(self.w.xyz, d)
+        depth = dr.dot(self.w, mi.Vector4f(p.x, p.y, p.z, 1)) + along
+        across = mi.Vector2f(dr.dot(self.x.xyz, d) - x * along, dr.dot(self.y.xyz, d) - y * along)
+        return dr.norm(across) * dr.rcp(dr.maximum(depth, 1e-6))
+
 
 def pose_of(poses: mi.Float, part: mi.UInt32) -> list[mi.Vector4f]:
     """Rows of a part's 3 x 4 object-to-world matrix; see `benchharness.api.Frame`."""
