@@ -19,7 +19,6 @@ from methods.newton import Newton
 from methods.secant_triangle import SecantTriangle
 
 DISTANCES = (3.0, 60.0, 200.0, 1000.0, 10_000.0)
-FAR = DISTANCES[1:]
 TOWARDS = unit(np.array([0.2, -1.7, 0.25]))
 RADIUS = 0.5
 WIDTH, HEIGHT = 96, 72
@@ -73,7 +72,7 @@ def test_the_first_hits_are_those_of_the_rays_through_the_pixels_centres(name, d
 
 def room(distance: float):
     """A mirror ball in a room of smooth colours that is seen into from outside."""
-    return scene((walls(HALF),), (mirror_ball(),), camera(distance))
+    return scene((walls(HALF, 0.15),), (mirror_ball(),), camera(distance))
 
 
 def in_the_room(o, d):
@@ -112,7 +111,7 @@ def told(name: str, distance: float) -> dict[str, float]:
     made = room(distance)
     answer = shaded(METHODS[name], made, 0, size=SIZE)[0]
     vertices = answer.reflection.vertices
-    off = off_px(answer, made)
+    off = off_px(answer, made, step=40)
     wrong = (answer.L - expected_in_ball(made, SIZE))[answer.active & answer.found]
     wrong = wrong[np.isfinite(wrong).all(axis=1)]
     AT_HAND[name, distance] = {
@@ -126,15 +125,17 @@ def told(name: str, distance: float) -> dict[str, float]:
     return AT_HAND[name, distance]
 
 
-@pytest.mark.parametrize("distance", FAR)
+@pytest.mark.parametrize("distance", [60.0, 1000.0, 10_000.0])
 @pytest.mark.parametrize("name", METHODS)
 def test_vertices_find_their_reflections_from_far_as_well_as_from_near(name, distance):
-    near, far = told(name, DISTANCES[0]), told(name, distance)
-    assert near["converged"] > 0.8
+    # Near: outside of the room, where half of the ball is seen almost as from far.
+    near, far = told(name, 7.0), told(name, distance)
+    assert near["converged"] > 0.9
     assert far["converged"] > 0.95 * near["converged"]
-    assert far["off px"] < near["off px"] + 0.02
-    assert far["unknown"] <= near["unknown"] + 0.02
-    # The picture: an eye farther away sees rather less of the walls at a grazing angle, where most of the error is.
-    assert far["found"] > near["found"] - 0.01
+    # A secant's triangle closes in to within this of a root at a slant.
+    assert far["off px"] < 0.05
+    assert far["unknown"] <= 0.01
+    assert far["found"] > near["found"] - 0.002
+    # What is left is from straight edges, of which a few pixels' worth differ.
     assert far["rms"] < 1.2 * near["rms"] + 0.002
-    assert abs(far["doubt"] - near["doubt"]) < 0.1
+    assert abs(far["doubt"] - near["doubt"]) < 0.02

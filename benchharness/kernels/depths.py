@@ -30,7 +30,9 @@ def row(view) -> mi.Vector4f:
     """With (P, 1) and divided by depth, the nearness of P: it is linear on the screen."""
     shifted, per_depth = _shift(view)
     axis = view.w.xyz * per_depth
-    return dr.select(shifted, mi.Vector4f(-axis.x, -axis.y, -axis.z, dr.dot(axis, mi.Vector3f(view.origin))), mi.Vector4f(0, 0, 0, 1))
+    return dr.select(
+        shifted, mi.Vector4f(-axis.x, -axis.y, -axis.z, dr.dot(axis, mi.Vector3f(view.origin))), mi.Vector4f(0, 0, 0, 1)
+    )
 
 
 def nowhere(view) -> mi.Float:

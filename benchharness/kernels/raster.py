@@ -59,7 +59,7 @@ class Edge:
 
 @dataclass
 class Setup:
-    """A triangle ready to be walked: edges, nearness = g + gx px + gy py, the same for a second value, and its box of pixels."""
+    """A triangle ready to be walked: edges, nearness = g + gx px + gy py, a second value likewise, and its box of pixels."""
 
     edges: list[Edge]
     g: mi.Float
