@@ -97,7 +97,7 @@ def draw(
     p                 the mirror's point at each pixel
     reflector, layer  number of the mirror at each pixel; this mirror's
     hider             what is asked whether the mirror hides a point, such as `Picture`; needed for "cut"
-    back              nearness of the mirror's nearest back at each pixel, -inf for none (`nearest_back`); needed for `behind`
+    back              nearness of the mirror's nearest back at each pixel (`nearest_back`); needed for `behind`
     """
     packets, shown, drawn, limit, inverse, bands = _assembled(
         images, triangles, part, view, p, reflector, layer, hider, drawing
@@ -110,7 +110,8 @@ def draw(
 
 
 def nearest_back(surface, poses: mi.Float, part: mi.UInt32, view) -> mi.Float:
-    """`depths.nearness` of the nearest triangle of a mirror that turns its back to the eye, one lane per pixel; -inf for none.
+    """`depths.nearness` of the nearest triangle of a mirror that turns its back to the eye, or `depths.nowhere`, one lane per
+    pixel.
 
     surface   a `benchharness.api.Surface`, part number `part`
     """
@@ -124,7 +125,7 @@ def nearest_back(surface, poses: mi.Float, part: mi.UInt32, view) -> mi.Float:
 def _nearness_at(points, faces, visibility, view):
     pixel = dr.arange(mi.UInt32, view.width * view.height)
     triangle = raster.winner_at(visibility, view, pixel, mi.Bool(True))
-    value = mi.Float(-dr.inf)
+    value = mi.Float(depths.nowhere(view))
     if triangle != raster.NONE:
         value = depths.nearness(view, depths.offset(view, raster.met(points, faces, triangle, view, pixel)[2]))
     return value
