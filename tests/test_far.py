@@ -46,7 +46,7 @@ def patch() -> Mesh:
     normals = unit(TOWARDS - 2 * t[:, None] * across - 2 * s[:, None] * up)
     i = (np.arange(24)[:, None] * 25 + np.arange(24)).ravel()
     faces = np.concatenate([np.stack([i, i + 1, i + 25], 1), np.stack([i + 1, i + 26, i + 25], 1)])
-    return Mesh(points, faces, normals)
+    return Mesh(points, faces[:, ::-1], normals)
 
 
 MIRRORS = {"ball": mirror_ball(fine=24), "saddle": Reflector("saddle", patch())}
