@@ -88,7 +88,7 @@ class FrameRenderer:
         visibility = raster.rasterize(world.points, world.faces, world.face_count, view, cull="back")
         reflector, active, p, n, radiance = _first_hits(world, visibility, self.surroundings, view, len(self.scene.objects))
         pixels = mi.UInt32(dr.compress(active))
-        v = dr.normalize(view.eye - p)
+        v = dr.normalize(mi.Vector3f(view.eye - p))
         time = self.scene.time(index)
         return Frame(
             index, time, view, poses, reflector, active, pixels, p, n, v, radiance, self.surfaces, self.proxies,
@@ -131,7 +131,7 @@ def _first_hits(world: geometry.Geometry, visibility, around: surroundings.Surro
     reflector = dr.select(reflector >= 0, reflector, -1)
     mirror = reflector >= 0
     n = dr.normalize(mi.Vector3f(value.x, value.y, value.z))
-    n = dr.select(mirror, dr.select(dr.dot(n, view.eye - p) < 0, -n, n), 0)
+    n = dr.select(mirror, dr.select(dr.dot(n, mi.Vector3f(view.eye - p)) < 0, -n, n), 0)
     seen = dr.select(hit, value, surroundings.radiance(around, raster.ray_through(view, lane), ~hit))
     return reflector, mirror, dr.select(mirror, p, 0), mi.Normal3f(n), dr.select(mirror, 0, seen)
 
