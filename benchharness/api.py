@@ -26,6 +26,8 @@ class View:
     eye                position
     x, y, w            world to screen: pixel column = (x · (P, 1)) / (w · (P, 1)), row likewise with y; w · (P, 1) is depth
     right, down, axis  the ray through column c, row r (centres at + 0.5) has direction axis + c right + r down, unnormalised
+    depth, origin      and passes through origin + depth (c right + r down), whose depth that is: near the mirrors where the eye
+                       is far from them, else the eye itself and 0 (`kernels.depths`)
     width, height      pixels
     """
 
@@ -36,6 +38,8 @@ class View:
     right: mi.Vector3f
     down: mi.Vector3f
     axis: mi.Vector3f
+    depth: mi.Float
+    origin: mi.Point3f
     near: mi.Float
     width: int
     height: int
