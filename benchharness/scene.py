@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -346,6 +347,14 @@ class Scene:
     @property
     def triangles(self) -> int:
         return sum(len(part.mesh.faces) for part in self.parts)
+
+    @cached_property
+    def enclosed(self) -> tuple[bool, ...]:
+        """Per reflector whether it stands wholly within walls, in all frames: the surroundings are nothing that it reflects.
+        Found once per scene, in some tens of milliseconds; waits for the device."""
+        from benchharness import enclosure
+
+        return enclosure.enclosed(self)
 
     def poses(self, time: float) -> np.ndarray:
         """Poses of `parts` at a time, float64 [P, 3, 4]."""
