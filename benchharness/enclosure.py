@@ -17,7 +17,9 @@ from benchharness.scene import Reflector, Scene
 
 RAYS = 1 << 16
 FEW = 1 << 12  # rays that find every window; without one, all are asked
-PULLED = 0.01  # rays start so far, of the way, from the mirror towards its middle: it may touch a wall, or sink into it a little
+PULLED = (
+    0.01  # rays start so far, of the way, from the mirror towards its middle: it may touch a wall, or sink into it a little
+)
 STEPS = 1.1673039782614187 ** -np.arange(1.0, 5.0)  # of the most even sequence in four dimensions: roots of x^5 = x + 1
 
 

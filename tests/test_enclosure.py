@@ -63,7 +63,16 @@ def tilted(half: float = 2.0) -> Mesh:
         [tilted()],
         [box((-2, -2, -0.5), (2, 2, 2), inside=True)],
     ],
-    ids=["wound in", "wound out", "six sheets", "wound both ways", "boxes", "a bent gap", "split otherwise", "mirror on the floor"],
+    ids=[
+        "wound in",
+        "wound out",
+        "six sheets",
+        "wound both ways",
+        "boxes",
+        "a bent gap",
+        "split otherwise",
+        "mirror on the floor",
+    ],
 )
 def test_walls_enclose_a_mirror_however_they_are_made(meshes):
     assert made(*meshes).enclosed == (True,)
@@ -89,7 +98,17 @@ def leaving(time: float) -> np.ndarray:
         ([box((-2, -2, -2), (2, 2, 2), inside=True)], mirror_ball(center=(4.0, 0, 0), fine=24)),
         ([], mirror_ball(fine=24)),
     ],
-    ids=["no ceiling", "a skylight", "a gap over boxes", "a gap of a centimetre", "a courtyard", "half outside", "a cap outside", "beside", "alone"],
+    ids=[
+        "no ceiling",
+        "a skylight",
+        "a gap over boxes",
+        "a gap of a centimetre",
+        "a courtyard",
+        "half outside",
+        "a cap outside",
+        "beside",
+        "alone",
+    ],
 )
 def test_where_any_ray_leads_outside_no_mirror_is_enclosed(meshes, mirror):
     assert made(*meshes, mirrors=[mirror]).enclosed == (False,)
@@ -109,3 +128,6 @@ def test_what_moves_encloses_nothing():
     still, moves = walls(), replace(walls(), motion=lambda time: np.eye(4))
     assert scene([still], [mirror_ball(fine=24)]).enclosed == (True,)
     assert scene([moves], [mirror_ball(fine=24)]).enclosed == (False,)
+
+
+# What methods answer
