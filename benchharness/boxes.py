@@ -35,7 +35,7 @@ def boxes(parts: Sequence[tuple[np.ndarray, np.ndarray]], most: int) -> tuple[np
     for leaf in leaves:
         vertices, faces = parts[leaf.part]
         pad = PAD * float(np.linalg.norm(np.ptp(vertices, axis=0)))
-        rows.append(_rows(vertices[faces[leaf.cells.triangles(leaf.own)]].reshape(-1, 3), pad))
+        rows.append(_rows(vertices[faces[leaf.cells.triangles(leaf.own)]].reshape(-1, 3).T, pad))
     return np.array(rows).reshape(-1, 3, 4), np.array([leaf.part for leaf in leaves], int)
 
 
@@ -56,8 +56,9 @@ class _Cells:
     @staticmethod
     def of(corners: np.ndarray) -> _Cells:
         """Of triangles [F, 3, 3]."""
-        low, high = corners.min(axis=1), corners.max(axis=1)
-        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        a, b, c = np.moveaxis(corners, 1, 0)
+        low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+        normal = np.cross(b - a, c - a)
         axis = np.abs(normal).argmax(axis=1)
         facing = 2 * axis + (normal[np.arange(len(axis)), axis] < 0)
         middle = low + high
@@ -108,10 +109,11 @@ def _surface(size: np.ndarray) -> np.ndarray:
 
 
 def _rows(points: np.ndarray, pad: float) -> np.ndarray:
-    """The box around points [N, 3], float64 [3, 4]."""
-    main = np.linalg.eigh(np.cov(points.T, bias=True))[1].T
-    along, turned = (np.ptp(points @ axes.T, axis=0) + 2 * pad for axes in (np.eye(3), main))
+    """The box around points [3, N], float64 [3, 4]."""
+    points = np.ascontiguousarray(points)
+    main = np.linalg.eigh(np.cov(points, bias=True))[1].T
+    along, turned = (np.ptp(axes @ points, axis=1) + 2 * pad for axes in (np.eye(3), main))
     axes = main if _surface(turned) < SMALLER * _surface(along) else np.eye(3)
-    q = points @ axes.T
-    half, middle = 0.5 * np.ptp(q, axis=0) + pad, 0.5 * (q.min(axis=0) + q.max(axis=0))
+    q = axes @ points
+    half, middle = 0.5 * np.ptp(q, axis=1) + pad, 0.5 * (q.min(axis=1) + q.max(axis=1))
     return np.column_stack([axes / half[:, None], -middle / half])
