@@ -10,8 +10,7 @@ from placed import points
 from scipy.spatial.transform import Rotation
 from small_room import box, sphere
 
-from benchharness import boxes
-from benchharness.kernels import passage
+from benchharness.kernels import boxes, passage
 from benchharness.scene import Object, subdivided
 
 

@@ -1,6 +1,6 @@
 """Rays that end at infinity: which cannot, and which do for certain, as they meet none of the boxes that hold a scene.
 
-A box is three rows that take a point to [-1, 1] across it (`benchharness.boxes`). Along a ray, each is a slab that is entered
+A box is three rows that take a point to [-1, 1] across it (`kernels.boxes`). Along a ray, each is a slab that is entered
 and left; the ray meets the box if it enters all before it leaves any (Kay and Kajiya 1986).
 """
 
@@ -13,7 +13,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from benchharness import boxes
+from benchharness.kernels import boxes
 from benchharness.kernels.frozen import frozen
 
 MOST = 64  # boxes of a scene
