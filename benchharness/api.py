@@ -121,7 +121,8 @@ class Reflection:
 
     L         radiance arriving along the reflected ray, before the mirror's own reflectance
     distance  length of the reflected ray to what it shows; inf for the surroundings
-    found     False where the method has no answer
+    found     False where the method has no answer. The surroundings are none where `Scene.enclosed` holds the mirror: what
+              ends there was lost
     vertices  for vertex-driven methods
     counters  name -> one integer array, summed by the harness: deterministic work of this frame
     doubt     True where the method has an answer and knows that it may show the wrong thing, or the right one more than

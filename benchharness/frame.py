@@ -73,6 +73,7 @@ class FrameRenderer:
         metals = [(r.eta, r.k) for r in scene.reflectors]
         self.eta = [None if eta is None else opaque(mi.Color3f, eta) for eta, _ in metals]
         self.k = [None if eta is None else opaque(mi.Color3f, k) for eta, k in metals]
+        self.enclosed = scene.enclosed  # found here, and in no method's time
         self._posed: tuple[np.ndarray, mi.Float, geometry.Geometry] | None = None
 
     def view(self, index: int) -> View:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -363,6 +364,14 @@ class Scene:
     def near_plane(self) -> float:
         """`near`, or what it is if nothing is said."""
         return NEAR * self.size if self.near is None else self.near
+
+    @cached_property
+    def enclosed(self) -> tuple[bool, ...]:
+        """Per reflector whether it stands wholly within walls, in all frames: the surroundings are nothing that it reflects.
+        Found once per scene, in some tens of milliseconds; waits for the device."""
+        from benchharness import enclosure
+
+        return enclosure.enclosed(self)
 
     def poses(self, time: float) -> np.ndarray:
         """Poses of `parts` at a time, float64 [P, 3, 4]."""

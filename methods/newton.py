@@ -119,8 +119,8 @@ class Newton(Method):
             )  # fmt: skip
             behind = mesh.closed and not mesh.convex
             back = virtual.nearest_back(frame.proxies[i], frame.poses, part, frame.view) if behind else None
-            drawing = virtual.Drawing(self.hidden, behind=behind)
-            return vertexwise.Solved(images, end, report, drawing, newton.Shadow(mesh, pose), back, own=own)
+            drawing, whole = virtual.Drawing(self.hidden, behind=behind), mesh.convex and self.hidden == "cut"
+            return vertexwise.Solved(images, end, report, drawing, newton.Shadow(mesh, pose), back, whole, own=own)
 
         shown = vertexwise.shown(seen, frame, solve)
         vertices = Vertices(**shown.report, further=[Vertices(**report) for report in shown.further])

@@ -22,7 +22,7 @@ import numpy as np
 from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection
-from benchharness.kernels import geometry, optics, pixels, raster, surroundings
+from benchharness.kernels import geometry, optics, passage, pixels, raster, surroundings
 from benchharness.scene import Scene
 
 RAY_EPSILON = 1e-4  # start of the ray above the surface, relative to the size of its coordinates
@@ -45,7 +45,7 @@ class Mirrors:
 @dataclass
 class State:
     """The scene's triangles as one Mitsuba mesh in a hierarchy, and in object and world space for what is hit; `mirrors`
-    only for more than one bounce. Parts from `objects` on are mirrors."""
+    only for more than one bounce. Parts from `objects` on are mirrors; `enclosed`: what `Scene.enclosed` says."""
 
     scene: Any
     geometry: geometry.Geometry
@@ -53,6 +53,7 @@ class State:
     surroundings: surroundings.Surroundings
     mirrors: Mirrors | None
     objects: mi.UInt32
+    enclosed: tuple[bool, ...]
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ class RayTraced(Method):
         mirrors = _turned(_mirrors(scene), triangles, poses) if self.bounces > 1 else None
         traced = mi.load_dict({"type": "scene", "triangles": mesh})
         objects = dr.opaque(mi.UInt32, len(scene.objects))
-        return State(traced, triangles, world, surroundings.of_scene(scene), mirrors, objects)
+        return State(traced, triangles, world, surroundings.of_scene(scene), mirrors, objects, scene.enclosed)
 
     def update(self, state: State, frame: Frame) -> State:
         params = mi.traverse(state.scene)
@@ -107,8 +108,9 @@ class RayTraced(Method):
             L += further
             dr.scatter_add(rays, count, lane)
         x, y, z, length, doubt = pixels.spread([L.x, L.y, L.z, distance, ends], frame)
+        leaks = passage.walled(state.enclosed, frame.reflector) & (length == dr.inf)
         return Reflection(
-            mi.Color3f(x, y, z), length, mi.Bool(frame.active), counters={"rays": rays}, doubt=doubt if frame.doubts else None
+            mi.Color3f(x, y, z), length, frame.active & ~leaks, counters={"rays": rays}, doubt=doubt if frame.doubts else None
         ), state
 
     def _further(self, state: State, mirrors: Mirrors, ray, hit, face, weights, active):

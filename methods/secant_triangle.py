@@ -229,8 +229,8 @@ class SecantTriangle(Method):
                 max_iter, options, doubted,
             )  # fmt: skip
             drawing = virtual.Drawing(policy, self.depth, behind)
-            hider = newton.Shadow(mirror.mesh, pose)
-            return vertexwise.Solved(images, end, report, drawing, hider, back, {"backtracks": backtracks}, own=own)
+            hider, whole = newton.Shadow(mirror.mesh, pose), mirror.mesh.convex and self.hidden != "drop"
+            return vertexwise.Solved(images, end, report, drawing, hider, back, whole, {"backtracks": backtracks}, own=own)
 
         shown = vertexwise.shown(seen, frame, solve)
         vertices = Vertices(**shown.report, further=[Vertices(**report) for report in shown.further])

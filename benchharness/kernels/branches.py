@@ -115,7 +115,7 @@ def solved(
     back = virtual.nearest_back(frame.proxies[i], frame.poses, part, frame.view) if seeds.closed else None
     return vertexwise.Solved(
         made.images, None, made.reports[0], virtual.Drawing(hidden, behind=seeds.closed), newton.Shadow(mirror, pose), back,
-        {**made.counters, **(counters or {})}, made.reports[1:], made.triangles, own,
+        counters={**made.counters, **(counters or {})}, further=made.reports[1:], triangles=made.triangles, own=own,
     )  # fmt: skip
 
 
