@@ -167,8 +167,9 @@ def test_of_two_surfaces_a_ten_thousandth_apart_the_nearer_is_seen(distance, awa
     points, indices = packed(np.concatenate([behind, front]), np.concatenate([back, faces + len(behind)]))
     view = view_of(camera(distance)(0.0), WIDTH, HEIGHT, 0.01)
     winner = numbers(raster.rasterize(points, indices, len(back) + len(faces), view), view)
-    assert (winner != raster.NONE).all()
-    assert (winner >= len(back)).all()
+    covered = winner != raster.NONE  # from 3 units, the picture is wider than the sheet
+    assert covered.mean() > 0.9
+    assert (winner >= len(back))[covered].all()
 
 
 def crossed(rng, distance: float, size: float, thin: float, count: int):
