@@ -103,7 +103,7 @@ def test_moving_the_world_moves_what_its_mirrors_show(moving_room):
     world = embree.build(moving_room, 0.0)
     before = np.array(embree.reflection(world, moved.frame, True)[0])[:, active]
     assert np.abs(before - expected).max() > 0.1
-    embree.move(world, moved.frame.poses)
+    world = embree.move(world, moved.frame.poses)
     np.testing.assert_allclose(np.array(embree.reflection(world, moved.frame, True)[0])[:, active], expected, atol=1e-3)
 
 

@@ -157,8 +157,7 @@ def _moving(name: str, stage: Stage, world: embree.World) -> Comparison:
         return answer(mine.shade(mine.update(before, frame), frame))
 
     def default() -> tuple:
-        embree.move(world, frame.poses)
-        return embree.reflection(world, frame, False)
+        return embree.reflection(embree.move(world, frame.poses), frame, False)
 
     shown = renewed(own, state)[0]
     rivals = {_DEFAULT: default, "ray_traced": lambda: renewed(traced, traced_state)}
