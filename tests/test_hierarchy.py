@@ -213,3 +213,17 @@ def test_rays_meet_what_brute_force_finds_first(way):
         np.testing.assert_allclose(point[clear], (o + t[:, None] * d)[clear], atol=2e-4)
         # Nor does anything slip through where the answer is not clear.
         assert np.isfinite(found).all()
+
+
+def test_a_ray_in_the_plane_of_a_bodys_side_meets_its_border():
+    """Its distance to that plane would be 0 / 0. A border belongs to its triangle, so that there is no gap beside a neighbour."""
+    sheet = quad((1, -1, -1), (0, 2, 0), (0, 0, 2))
+    sheet = replace(sheet, radiance=np.zeros_like(sheet.vertices))
+    made = scene((Object("sheet", sheet, shows="a border", motion=lambda time: np.eye(4)),), (mirror_ball(center=(5, 0, 0)),))
+    start = np.array([[0, y, z] for y in (-1.0, 1.0, 0.25) for z in (-1.0, 1.0, 0.5)])
+    for forward in (1.0, -1.0):
+        t, part, _ = met(
+            made, 0.0, hierarchy.BODIES, start * [forward, 1, 1] + [1 - forward, 0, 0], np.tile([forward, 0, 0], (9, 1))
+        )
+        np.testing.assert_allclose(t, 1, atol=1e-6)
+        assert (part == 0).all()

@@ -28,7 +28,6 @@ from benchharness.kernels import geometry
 Way = Literal["anew", "bodies"]
 ANEW, BODIES = "anew", "bodies"
 SLACK = 1e-5  # relative; some 80 roundings of a float32, of which the distance to a box's side takes about five
-FLAT = 1e-20  # a ray's direction is no nearer to a plane than this, so that no distance is 0 / 0
 
 
 @dataclass
@@ -38,7 +37,7 @@ class Tree:
     scene      Mitsuba's, of one mesh
     first      number of its first triangle in `Hierarchies.faces`
     part       whose pose takes its space to world space; None: it is in world space
-    low, high  its box, in its space; of no meaning without `part`
+    low, high  a box around it, in its space: a little larger, so that no ray that meets it lies in the plane of a side
     """
 
     scene: Any
@@ -98,7 +97,9 @@ def of_scene(scene, triangles: geometry.Geometry, time: float, way: Way = BODIES
         used, corners = np.unique(mine[:, :3], return_inverse=True)
         if anew:  # `moved` poses all vertices, in their order
             used, corners = np.arange(len(points)), mine[:, :3]
-        low, high = (mi.Point3f(*map(float, f(points[used], axis=0))) for f in (np.min, np.max))
+        margin = max(SLACK * float(np.abs(points[used]).max()), 1e-30)
+        low = mi.Point3f(*map(float, points[used].min(axis=0) - margin))
+        high = mi.Point3f(*map(float, points[used].max(axis=0) + margin))
         still = anew or motions[group[0]] is None
         tree = Tree(
             ray_scene(points[used], corners.reshape(-1, 3), robust),
@@ -163,8 +164,7 @@ def _within(poses: mi.Float, part: mi.UInt32, ray: mi.Ray3f) -> mi.Ray3f:
 
 def _reaches(ray: mi.Ray3f, tree: Tree, t: mi.Float) -> mi.Bool:
     """Whether a ray gets into the tree's box before t."""
-    d = dr.select(dr.abs(ray.d) < FLAT, FLAT, ray.d)
-    one, other = (tree.low - ray.o) / d, (tree.high - ray.o) / d
+    one, other = (tree.low - ray.o) / ray.d, (tree.high - ray.o) / ray.d
     enters, leaves = dr.max(dr.minimum(one, other)), dr.min(dr.maximum(one, other)) * (1 + SLACK)
     return (leaves >= 0) & (enters <= leaves) & (enters <= t * (1 + SLACK))
 
