@@ -20,8 +20,9 @@ import drjit as dr
 import mitsuba as mi
 from pydantic import Field
 
-from benchharness.api import Frame, Method, Reflection
+from benchharness.api import Frame, Method, Reflection, View
 from benchharness.kernels import geometry, hierarchy, optics, pixels, raster, surroundings
+from benchharness.kernels.frozen import frozen
 from benchharness.scene import Scene
 
 RAY_EPSILON = 1e-4  # start of the ray above the surface, relative to the size of its coordinates
@@ -84,46 +85,52 @@ class RayTraced(Method):
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         lane = frame.pixels
-        rays = mi.UInt32(frame.active)
         if dr.width(lane) == 0:  # no mirror in view
             empty = dr.zeros(mi.Float, dr.width(frame.active))
-            nothing = Reflection(mi.Color3f(empty), empty, mi.Bool(frame.active), counters={"rays": rays})
+            nothing = Reflection(mi.Color3f(empty), empty, mi.Bool(frame.active), counters={"rays": mi.UInt32(frame.active)})
             return nothing, state
-        p, n, v = (dr.gather(type(a), a, lane) for a in (frame.p, frame.n, frame.v))
-        r = optics.reflect(v, n)
-        ray = _from(p, n, r)
-        hit = hierarchy.meet(state.hierarchies, ray)
-        L = _arriving(state, hit, p, r, True)
-        distance = dr.select(hit.found, hit.t + RAY_EPSILON, dr.inf)
-        ends = _at_mirror(state, hit)
-        if state.mirrors is not None:
-            further, count, ends = self._further(state, state.mirrors, ray, hit, ends)
-            L += further
-            dr.scatter_add(rays, count, lane)
-        x, y, z, length, doubt = pixels.spread([L.x, L.y, L.z, distance, ends], frame)
-        return Reflection(
-            mi.Color3f(x, y, z), length, mi.Bool(frame.active), counters={"rays": rays}, doubt=doubt if frame.doubts else None
-        ), state
+        seen = [frame.p, frame.n, frame.v]
+        L, distance, doubt, rays = _traced(state, seen, lane, frame.active, frame.view, self.bounces)
+        found = mi.Bool(frame.active)
+        return Reflection(L, distance, found, counters={"rays": rays}, doubt=doubt if frame.doubts else None), state
 
-    def _further(self, state: State, mirrors: Mirrors, ray: mi.Ray3f, hit: hierarchy.Meeting, active: mi.Bool):
-        """What a first reflected ray shows over further mirrors, how many rays that took, and where the last ends at a mirror.
 
-        active  where the first ray ends at one
-        """
-        L, through, count = mi.Color3f(0), mi.Color3f(1), mi.UInt32(0)
-        for _ in range(self.bounces - 1):
-            part = geometry.part_of(hit.face)
-            p, v = ray(hit.t), -ray.d
-            n = raster.interpolate(mirrors.normals, hit.face, hit.weights, active).xyz
-            n = dr.normalize(geometry.turned_of(n, state.hierarchies.poses, part, active))
-            n = dr.select(dr.dot(n, v) < 0, -n, n)
-            through *= optics.reflectance(mirrors.metals, part - state.objects, dr.clip(dr.dot(n, v), 0, 1), active)
-            ray = _from(p, n, optics.reflect(v, n))
-            hit = hierarchy.meet(state.hierarchies, ray, active)
-            L += dr.select(active, through * _arriving(state, hit, p, ray.d, active), 0)
-            count += dr.select(active, mi.UInt32(1), 0)
-            active &= _at_mirror(state, hit)
-        return L, count, active
+@frozen
+def _traced(state: State, seen: list, lane: mi.UInt32, active: mi.Bool, view: View, bounces: int):
+    """Radiance, distance, whether the last ray ends at a mirror, and the number of rays. `seen`: p, n, v of a frame."""
+    p, n, v = (dr.gather(type(a), a, lane) for a in seen)
+    ray = _from(p, n, optics.reflect(v, n))
+    hit = hierarchy.meet(state.hierarchies, ray)
+    L = _arriving(state, hit, p, ray.d, True)
+    distance = dr.select(hit.found, hit.t + RAY_EPSILON, dr.inf)
+    ends, rays = _at_mirror(state, hit), mi.UInt32(active)
+    if state.mirrors is not None:
+        further, count, ends = _further(state, state.mirrors, ray, hit, ends, bounces)
+        L += further
+        dr.scatter_add(rays, count, lane)
+    x, y, z, length, doubt = pixels.spread([L.x, L.y, L.z, distance, ends], lane, view)
+    return mi.Color3f(x, y, z), length, doubt, rays
+
+
+def _further(state: State, mirrors: Mirrors, ray: mi.Ray3f, hit: hierarchy.Meeting, active: mi.Bool, bounces: int):
+    """What a first reflected ray shows over further mirrors, how many rays that took, and where the last ends at a mirror.
+
+    active  where the first ray ends at one
+    """
+    L, through, count = mi.Color3f(0), mi.Color3f(1), mi.UInt32(0)
+    for _ in range(bounces - 1):
+        part = geometry.part_of(hit.face)
+        p, v = ray(hit.t), -ray.d
+        n = raster.interpolate(mirrors.normals, hit.face, hit.weights, active).xyz
+        n = dr.normalize(geometry.turned_of(n, state.hierarchies.poses, part, active))
+        n = dr.select(dr.dot(n, v) < 0, -n, n)
+        through *= optics.reflectance(mirrors.metals, part - state.objects, dr.clip(dr.dot(n, v), 0, 1), active)
+        ray = _from(p, n, optics.reflect(v, n))
+        hit = hierarchy.meet(state.hierarchies, ray, active)
+        L += dr.select(active, through * _arriving(state, hit, p, ray.d, active), 0)
+        count += dr.select(active, mi.UInt32(1), 0)
+        active &= _at_mirror(state, hit)
+    return L, count, active
 
 
 def _from(p: mi.Point3f, n, d: mi.Vector3f) -> mi.Ray3f:

@@ -382,6 +382,6 @@ def shown(state: State, frame, manner: bounces.Manner, attenuation: float) -> Sh
         return Shown(mi.Color3f(empty), empty, counters, after, mi.Bool(False))
     answer = bounces.reflected(state.cast, frame.view, [frame.p, frame.n, frame.reflector], frame.pixels, manner)
     L = answer.L * dr.exp(-attenuation * answer.distance) if attenuation > 0 else answer.L
-    x, y, z, distance, doubt = pixels.spread([L.x, L.y, L.z, answer.distance, answer.doubt], frame)
+    x, y, z, distance, doubt = pixels.spread([L.x, L.y, L.z, answer.distance, answer.doubt], frame.pixels, frame.view)
     counters |= {"quad_tests": answer.tests, "depth_steps": answer.work, "second_order": mi.UInt32(answer.second)}
     return Shown(mi.Color3f(x, y, z), distance, counters, after, doubt)
