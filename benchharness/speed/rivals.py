@@ -1,7 +1,7 @@
 """What is timed against what: our stages and their rivals on one frame.
 
 Rivals draw the same triangles with the same camera and light, and are recorded and replayed (`dr.freeze`) as ours are.
-Where Embree's time depends on how it is asked, all ways are there: watertight, as Mitsuba asks it by default, at its best. A note
+Where Embree's time depends on how it is asked, all ways are there: watertight, as Mitsuba asks by default, at its best. A note
 says how far the two sides' pictures agree.
 
 gbuffer          the first hit of every pixel
