@@ -31,18 +31,31 @@ def normalised(scene: Scene) -> Scene:
     size, centre = scene.size / HALF, _middle(scene)
     if abs(size - 1) < CLOSE and np.abs(centre).max() < CLOSE:
         return scene
+    moved = _moved(scene, size, centre)
+
+    def own(part: Object | Reflector) -> np.ndarray:
+        return centre if part.motion is None else moved[id(part.motion)].own
+
+    def mirror(part: Reflector) -> Reflector:
+        mesh, closed = _scaled(part.mesh, size, own(part)), part.closed
+        if closed is not None:
+            closed = mesh if closed is part.mesh else _scaled(closed, size, own(part))
+        return replace(part, mesh=mesh, closed=closed, motion=moved.get(id(part.motion)))
+
     environment = scene.environment
     if environment is not None:
-        moved = (np.asarray(environment.centre) - centre) / size
-        environment = Environment(environment.radiance, tuple(moved), environment.ground)
+        there = (np.asarray(environment.centre) - centre) / size
+        environment = Environment(environment.radiance, tuple(there), environment.ground)
     lights = tuple(
         PointLight(tuple((np.asarray(l.position) - centre) / size), tuple(np.asarray(l.intensity) / size**2))
         for l in scene.lights
     )
     return replace(
         scene,
-        objects=tuple(_placed(part, size, centre) for part in scene.objects),
-        reflectors=tuple(_placed_mirror(part, size, centre) for part in scene.reflectors),
+        objects=tuple(
+            replace(part, mesh=_scaled(part.mesh, size, own(part)), motion=moved.get(id(part.motion))) for part in scene.objects
+        ),
+        reflectors=tuple(mirror(part) for part in scene.reflectors),
         camera=_Camera(scene.camera, size, centre),
         near=scene.near_plane / size,
         h_max=None if scene.h_max is None else scene.h_max / size,
@@ -66,22 +79,13 @@ def _middle(scene: Scene) -> np.ndarray:
     return 0.5 * (low + high) if np.isfinite(low).all() else np.zeros(3)
 
 
-def _placed(part: Object, size: float, centre: np.ndarray) -> Object:
-    own = centre if part.motion is None else _own_middle(part.mesh)
-    motion = None if part.motion is None else _Moved(part.motion, size, centre, own)
-    return replace(part, mesh=_scaled(part.mesh, size, own), motion=motion)
-
-
-def _placed_mirror(part: Reflector, size: float, centre: np.ndarray) -> Reflector:
-    own = centre if part.motion is None else _own_middle(part.mesh)
-    motion = None if part.motion is None else _Moved(part.motion, size, centre, own)
-    mesh = _scaled(part.mesh, size, own)
-    closed = mesh if part.closed is part.mesh else None if part.closed is None else _scaled(part.closed, size, own)
-    return replace(part, mesh=mesh, closed=closed, motion=motion)
-
-
-def _own_middle(mesh: Mesh) -> np.ndarray:
-    return 0.5 * (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0))
+def _moved(scene: Scene, size: float, centre: np.ndarray) -> dict[int, _Moved]:
+    """The motions of a scene, by their ids: parts that share one go on sharing it."""
+    out = {}
+    for motion in {id(part.motion): part.motion for part in scene.parts if part.motion is not None}.values():
+        own = np.concatenate([part.mesh.vertices for part in scene.parts if part.motion is motion])
+        out[id(motion)] = _Moved(motion, size, centre, 0.5 * (own.min(axis=0) + own.max(axis=0)))
+    return out
 
 
 def _scaled(mesh: Mesh, size: float, centre: np.ndarray) -> Mesh:

@@ -122,3 +122,20 @@ def test_what_is_baked_does_not_depend_on_size_or_place():
 def test_without_mirrors_the_objects_are_what_is_brought_near():
     made = normalised(replace(room(1e-3, (1e3, 0, 0)), reflectors=()))
     assert np.abs(made.objects[0].mesh.vertices).max() < 2 * HALF
+
+
+def test_parts_that_move_as_one_go_on_moving_as_one():
+    def motion(time):
+        pose = np.eye(4)
+        pose[0, 3] = time
+        return pose
+
+    given = room()
+    made = normalised(
+        replace(
+            given,
+            objects=tuple(replace(o, motion=motion) for o in given.objects),
+            reflectors=tuple(replace(r, motion=motion) for r in given.reflectors),
+        )
+    )
+    assert made.objects[0].motion is made.reflectors[0].motion is not None

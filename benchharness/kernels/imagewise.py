@@ -389,9 +389,9 @@ def shown(state: State, frame, manner: bounces.Manner, attenuation: float) -> Sh
     answer = bounces.reflected(state.cast, frame.view, [frame.p, frame.n, frame.reflector], frame.pixels, manner)
     L = answer.L * dr.exp(-attenuation * state.stage.unit * answer.distance) if attenuation > 0 else answer.L
     values = [L.x, L.y, L.z, answer.distance, answer.doubt]
-    x, y, z, distance, doubt = pixels.spread(values, frame)
+    x, y, z, distance, doubt = pixels.spread(values, frame.pixels, frame.view)
     found = mi.Bool(frame.active)
     if any(state.stage.enclosed):
-        found &= pixels.spread([answer.found], frame)[0]
+        found &= pixels.spread([answer.found], frame.pixels, frame.view)[0]
     counters |= {"quad_tests": answer.tests, "depth_steps": answer.work, "second_order": mi.UInt32(answer.second)}
     return Shown(mi.Color3f(x, y, z), distance, counters, after, doubt, found)

@@ -23,7 +23,7 @@ import mitsuba as mi
 import numpy as np
 import trimesh
 
-from benchharness.kernels import depths, geometry, raster
+from benchharness.kernels import depths, geometry, hierarchy, raster
 from benchharness.kernels.placement import Place, place, unit
 
 CANDIDATES = 192  # points of the mesh that a cold search chooses its start from
@@ -130,7 +130,7 @@ def mesh(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, backs: bo
     candidates = mi.UInt32(chosen.astype(np.uint32))
     dr.make_opaque(size, centre, candidates)
     return Mesh(
-        geometry.ray_scene(vertices, faces), mi.Float(packed.ravel()), mi.UInt32(quads.ravel()), candidates,
+        hierarchy.ray_scene(vertices, faces), mi.Float(packed.ravel()), mi.UInt32(quads.ravel()), candidates,
         mi.Float(middles.ravel()), centre, size, is_convex(vertices, faces), bool((tags == raster.CLOSED).all()),
     )  # fmt: skip
 
