@@ -98,7 +98,8 @@ class Frame:
 class Vertices:
     """What a vertex-driven method found, one lane per (reflector, vertex of `scene.parts`), reflector major.
 
-    valid     converged, and of several: the mirror hides R neither from the eye nor from the vertex
+    valid     converged, and the mirror hides R neither from the eye nor from the vertex; nothing that draws needs it, so it may
+              be an array that is evaluated, and costs rays, when it is read
     region    0 unknown, 1 reflected (A), 2 unreflected (B), 3 hidden (C)
     residual  |half vector - normal| at R; border: the search ended at the edge of the reflector's image
     further   a vertex's second reflection and so on, 0 for none; the first has not converged where there is no room for all"""

@@ -185,6 +185,9 @@ class ImageSpaceSearch(Method):
             return vertexwise.Solved(images, end, report, drawing, picture, None, whole, {"texel_reads": reads}, own=own)
 
         shown = vertexwise.shown(seen, frame, solve)
+        if self.multi == 1:
+            sheets = [mirror.sheet for mirror in state.mirrors]
+            shown.report["valid"] = several.valid(sheets, seen.objects, frame, seen.world.points, shown.report)
         vertices = Vertices(**shown.report, further=[Vertices(**report) for report in shown.further])
         reflection = Reflection(shown.L, shown.distance, shown.found, vertices, shown.counters, shown.doubt)
         return reflection, replace(state, ends=shown.ends, view=frame.view)

@@ -116,6 +116,7 @@ class Newton(Method):
             images, end, report = _solve(
                 seen.world.points, shown_parts, mesh, pose, part, frame.view,
                 state.view if warm else frame.view, state.ends[i] if warm else Ends.cold(count), count, max_iter, doubted,
+                self.hidden == "cut",
             )  # fmt: skip
             behind = mesh.closed and not mesh.convex
             back = virtual.nearest_back(frame.proxies[i], frame.poses, part, frame.view) if behind else None
@@ -123,6 +124,8 @@ class Newton(Method):
             return vertexwise.Solved(images, end, report, drawing, newton.Shadow(mesh, pose), back, whole, own=own)
 
         shown = vertexwise.shown(seen, frame, solve)
+        if self.multi == 1:
+            shown.report["valid"] = several.valid(state.mirrors, seen.objects, frame, seen.world.points, shown.report)
         vertices = Vertices(**shown.report, further=[Vertices(**report) for report in shown.further])
         reflection = Reflection(shown.L, shown.distance, shown.found, vertices, shown.counters, shown.doubt)
         return reflection, replace(state, ends=shown.ends, view=frame.view)
@@ -142,7 +145,7 @@ def _mesh(reflector: Reflector) -> newton.Mesh:
 @frozen
 def _solve(
     points, shown_parts, mesh: newton.Mesh, pose: list, part, view: View, last_view: View, last: Ends, count: int, max_iter,
-    doubted,
+    doubted, cuts: bool,
 ):  # fmt: skip
     """Virtual vertices, where the walks ended, and what is reported of each vertex. `doubted`: parts from this number on are
     mirrors, None where no doubt is asked for."""
@@ -173,6 +176,9 @@ def _solve(
     R, n = placement.point_to_world(pose, walked.R), placement.normal_to_world(pose, walked.n)
     image = dr.select(reflected, optics.on_ray(V, R, view.eye), V)
     kind, region = vertexwise.kinds(reflected, hidden)
+    if mesh.convex and cuts:
+        # What lies flush with a convex mirror is its own image, before the mirror or in it: only triangles that leave it have one.
+        kind = dr.select(sight.touches & reflected, mi.Float(virtual.HIDDEN), kind)
     images = virtual.Images(vertexwise.packets(image, kind, lane, count), vertexwise.packets(R, mi.Float(0), lane, count))
     converged = walked.converged
     if not mesh.convex:

@@ -15,8 +15,9 @@ Where we differ:
   longest edge.
 * `start = "near"` begins with a small triangle where a sphere would reflect V; the paper's begins with one as wide as the angle
   between V and E. `warm` begins at the last frame's answer.
-* Half vector and normal may nearly agree far from where they do, near a focus or the edge of a sheet. On a mirror that is not
-  convex, Newton's next step is asked for unless `newton` is off, and a search has converged only where that is short.
+* Half vector and normal may nearly agree far from where they do: near a focus, an edge, on what is flat or a needle. Newton's
+  next step on the mesh is asked for, and a search has converged only where that is short. With `newton` off there is no mesh:
+  a triangle one texel of the map wide must lead back to the same point.
 * `newton = "always"` lets Newton's method on the mirror's own mesh go on from the triangle's last sample, and begin anew where
   the triangle was lost; "restart" only what has not converged. It also asks one ray from eye to vertex whether the mirror
   hides it.
@@ -233,6 +234,9 @@ class SecantTriangle(Method):
             return vertexwise.Solved(images, end, report, drawing, hider, back, whole, {"backtracks": backtracks}, own=own)
 
         shown = vertexwise.shown(seen, frame, solve)
+        if self.multi == 1:
+            meshes = [m.mesh if m.sheet is None else m.sheet for m in state.mirrors]
+            shown.report["valid"] = several.valid(meshes, seen.objects, frame, seen.world.points, shown.report)
         vertices = Vertices(**shown.report, further=[Vertices(**report) for report in shown.further])
         reflection = Reflection(shown.L, shown.distance, shown.found, vertices, shown.counters, shown.doubt)
         return reflection, replace(state, ends=shown.ends, view=frame.view)
@@ -281,12 +285,13 @@ def _solve(
     s = secant.solve(options.search, star, where, u, warm, triangle | (searched & warm), tau, max_iter)
     R, n, converged, residual, iterations = s.R, s.n, s.converged, s.residual, s.iterations
     behind = s.behind
-    if sight is not None and not mesh.convex:
-        converged = s.converged & newton.arrived(mesh, where, *newton.located(mesh, star.centre, s.u, s.converged))
-    if sight is not None:
+    if sight is None:
+        converged = s.converged & secant.settled(options.search.residual, star, where, s, s.converged)
+    else:
+        first, met = newton.located(mesh, star.centre, s.u, s.converged)
+        converged = met if options.newton == "always" else newton.arrived(mesh, where, first, met)
         goes_on = searched & (mi.Bool(options.newton == "always") | ~converged)
-        first, met = newton.located(mesh, star.centre, s.u, goes_on & ~sight.near)
-        begins_anew = goes_on & ~(met & s.converged) & ~sight.near
+        begins_anew = goes_on & ~met & ~sight.near
         candidate, promising = newton.best_candidate(mesh, where, begins_anew, shadow)
         first = dr.select(sight.near, sight.on, dr.select(begins_anew, candidate, first))
         goes_on &= dr.select(begins_anew, promising, met | sight.near)
@@ -322,6 +327,9 @@ def _solve(
         image = dr.select(hidden, optics.mirrored(V, dr.select(visible, P, R), dr.select(visible, N, n)), image)
 
     kind, region = vertexwise.kinds(reflected, hidden)
+    if sight is not None and mesh.convex and options.hidden == "cut":
+        # What lies flush with a convex mirror is its own image, before the mirror or in it: only triangles that leave it have one.
+        kind = dr.select(sight.touches & reflected, mi.Float(virtual.HIDDEN), kind)
     images = virtual.Images(
         vertexwise.packets(image, kind, lane, count), vertexwise.packets(R, mi.Float(0), lane, count), seen
     )  # fmt: skip
@@ -350,14 +358,15 @@ def _solve_several(
     where, active = starts.where, starts.active
     u = placement.unit(starts.P - star.centre)
     s = secant.solve(options.search, star, where, u, mi.Bool(True), active, tau, max_iter)
-    exact = s.converged
-    if options.newton != "off":
-        exact &= newton.arrived(mesh, where, *newton.located(mesh, star.centre, s.u, s.converged))
-    ends = several.Ends(s.R, s.n, exact, exact, s.residual, s.iterations, None)
-    if options.newton != "off":
+    if options.newton == "off":
+        exact = s.converged & secant.settled(options.search.residual, star, where, s, s.converged)
+        ends = several.Ends(s.R, s.n, s.converged, exact, s.residual, s.iterations, None)
+    else:
         # On from the triangle's last sample; from its start where it was lost.
+        first, met = newton.located(mesh, star.centre, s.u, s.converged)
+        exact = met if options.newton == "always" else newton.arrived(mesh, where, first, met)
         goes_on = active & (mi.Bool(options.newton == "always") | ~exact | starts.touches)
-        first, met = newton.located(mesh, star.centre, s.u, goes_on & s.converged & ~starts.touches)
+        met &= ~starts.touches
         first = newton.Where(dr.select(met, first.triangle, starts.on.triangle), dr.select(met, first.b, starts.on.b))
         walked = newton.walk(mesh, where, first, goes_on, max_iter, starts.touches)
         converged = dr.select(goes_on, walked.converged, exact)

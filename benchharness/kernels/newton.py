@@ -38,6 +38,7 @@ TRUSTED = 0.25  # pixels; longest next step of an answer that calls itself conve
 ROUNDING = 1e-6  # of a mesh's size; mean depth of hollows in a mesh that counts as convex
 NEAREST = 1e-5  # of the mirror's size; a vertex nearer to the mirror than this touches it
 SHADOWED = 1e-4  # of the mirror's size; a vertex is in the mirror's shadow if it is this much behind where its ray meets it
+ROUNDED = 1e-6  # of a ray's length; float32 does not know better where it ends
 CLOSE = 1e-2  # of the mirror's size; a vertex this much in front of where its ray meets the mirror is reflected near there
 
 
@@ -102,6 +103,7 @@ class Point:
     f         half vector - normal
     step      Newton's step, in barycentric coordinates and in space
     pixels    length of the step on the screen
+    lands     whether the step ends in the same triangle
     front     whether E and V are in front
     """
 
@@ -111,7 +113,14 @@ class Point:
     step_b: mi.Vector2f
     step: mi.Vector3f
     pixels: mi.Float
+    lands: mi.Bool
     front: mi.Bool
+
+    def proven(self) -> mi.Bool:
+        """Whether there is a reflection point here: no further than TOLERANCE, or than TRUSTED in the same triangle. What the
+        triangle's normals promise beyond its edges is not kept where normals jump, where two roots have met and gone, and where
+        the mesh ends."""
+        return self.front & ((self.pixels < TOLERANCE) | (self.lands & (self.pixels < TRUSTED)))
 
 
 def mesh(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, backs: bool = True) -> Mesh:
@@ -233,13 +242,13 @@ def look(mirror: Mesh, where: Place, on: Where, active) -> Point:
     cut = dr.minimum(1, LONGEST * mirror.size * dr.rcp(dr.maximum(length, 1e-20)))
     pixels = dr.select(usable, where.step(m.P, step), dr.inf)
     front = (dr.dot(m.N, m.w_E) > 0) & (dr.dot(m.N, m.w_V) > 0)
-    return Point(mi.Point3f(m.P), mi.Normal3f(m.N), dr.norm(m.f), step_b * cut, mi.Vector3f(step * cut), pixels, front)
+    lands = _inside(on.b + step_b)
+    return Point(mi.Point3f(m.P), mi.Normal3f(m.N), dr.norm(m.f), step_b * cut, mi.Vector3f(step * cut), pixels, lands, front)
 
 
 def arrived(mirror: Mesh, where: Place, on: Where, active) -> mi.Bool:
     """Whether a point of the mesh is a reflection point, as near to it as an answer of `walk` that calls itself converged."""
-    at = look(mirror, where, on, active)
-    return active & at.front & (at.pixels < TRUSTED)
+    return active & look(mirror, where, on, active).proven()
 
 
 MINIMUM, SADDLE, MAXIMUM = 1, 2, 3
@@ -301,7 +310,7 @@ def walk(mirror: Mesh, where: Place, first: Where, active, max_iter, touches=Fal
         on, at = dr.select(better, there, on), dr.select(better, new, at)
         damping = dr.select(better, dr.minimum(1, 2 * damping), 0.5 * damping)
         running &= (at.pixels > TOLERANCE) & (damping >= least) & (iterations < max_iter)
-    converged = active & dr.select(touches, dr.dot(at.N, where.eye - at.P) > 0, at.front & (at.pixels < TRUSTED))
+    converged = active & dr.select(touches, dr.dot(at.N, where.eye - at.P) > 0, at.proven())
     return Solution(on, at.P, at.N, converged, dr.select(touches, 0, at.f), dr.select(active, iterations, 0))
 
 
@@ -387,6 +396,6 @@ class Shadow:
         hidden."""
         where = place(self.pose, x, view)
         ray, length = sight_line(self.mesh, where.eye, where.V)
-        ray.maxt = length - SHADOWED * self.mesh.size
+        ray.maxt = length - NEAREST * self.mesh.size - ROUNDED * length
         hit = self.mesh.scene.ray_intersect_preliminary(ray, coherent=True, active=active)
         return hit.is_valid(), depths.offset(view, x) - (length - hit.t) * dr.dot(where.w.xyz, ray.d)

@@ -41,6 +41,7 @@ SHORTEST_E = 1e-3  # |e| = 2 cos(incidence) at a reflection point; 0 where EV pi
 SPREAD = 0.12  # share of the angle between V and E that the first triangle spans, started near the answer
 SPREAD_LEAST, SPREAD_MOST = 0.004, 0.15  # radians
 OUTLINE_HALVINGS = 14  # of the angle between E and V, to find the mirror's outline between them
+RETURNS = 0.25  # pixels; how near a triangle one texel wide leads back to an answer of which only the map is asked
 SPREAD_WARM = 0.01  # radians, of a triangle around the last frame's answer
 
 
@@ -238,6 +239,25 @@ def judged(star: starmap.StarMap, where: Place, u: mi.Vector3f, closed, iteratio
         u, R, mi.Normal3f(n), e, converged, behind, dr.norm(h - n), dr.select(active, iterations, 0),
         dr.select(active, backtracks, 0),
     )  # fmt: skip
+
+
+def settled(kind: str, star: starmap.StarMap, where: Place, s: Solution, active) -> mi.Bool:
+    """Whether the map alone says that s.R is a reflection point: a triangle around it, one texel of the map wide, leads back
+    to it within RETURNS, and all of the triangle is on the mirror.
+
+    A triangle of a pixel closes in wherever its own gradients agree. Across an edge, a rim, or where r changes too fast for the
+    map's texels, a wider one sees other gradients.
+    """
+    a, b, c = _around(kind, star, where, s.u, mi.Float(2 / star.n), active)
+    d, flat = _plane(a, b, c)
+    one, two, three = a.g - c.g, b.g - c.g, c.g
+    scale = -dr.rcp(dr.select(flat, 1, dr.squared_norm(d)))
+    alpha, beta = dr.dot(d, dr.cross(three, two)) * scale, dr.dot(d, dr.cross(one, three)) * scale
+    (x0, y0), (x1, y1) = where.pixel(s.R), where.pixel(c.p + alpha * (a.p - c.p) + beta * (b.p - c.p))
+    on_mirror = mi.Bool(active)
+    for corner in (a, b, c):
+        on_mirror &= starmap.is_covered(star, unit(corner.p - star.centre), active)
+    return on_mirror & ~flat & (dr.square(x1 - x0) + dr.square(y1 - y0) < RETURNS * RETURNS)
 
 
 @dataclass

@@ -205,6 +205,27 @@ def is_free(mirror: newton.Mesh, R: mi.Point3f, n: mi.Normal3f, end: mi.Point3f,
     return active & ~mirror.scene.ray_test(ray, active=active)
 
 
+def valid(mirrors: list[newton.Mesh], first: int, frame, points, report: dict) -> mi.Bool:
+    """Which of the reflections in a report (`benchharness.api.Vertices`, one per vertex) the mirror hides neither from the eye
+    nor from the vertex. It has not been evaluated: rays are cast when somebody reads it.
+
+    mirrors  one per reflector; those that are convex are not asked
+    first    part number of the first
+    points   of the scene; see `kernels.geometry.Geometry`
+    report   lanes as there, `valid` where there is a reflection
+    """
+    valid, hidden, count = report["valid"], mi.Bool(False), dr.width(points) // 4
+    lane = dr.arange(mi.UInt32, len(mirrors) * count)
+    V = mi.Point3f(dr.gather(mi.Vector4f, points, lane % count).xyz)
+    for i, mirror in enumerate(mirrors):
+        if not mirror.convex:
+            pose = placement.pose_of(frame.poses, mi.UInt32(first + i))
+            where, R = placement.place(pose, V, frame.view), placement.place(pose, report["R"], frame.view).V
+            asked = valid & (lane >= i * count) & (lane < (i + 1) * count)
+            hidden |= asked & ~is_seen(mirror, where, R, placement.normal_to_mirror(pose, report["n"]), asked)
+    return valid & ~hidden
+
+
 def finish(ends: Ends, starts: Starts, mirror: newton.Mesh, pose: list, view, count: int, multi: int) -> Found:
     """Which ends are different points in front of the eye, those that are seen first, in the order of their starts."""
     most, where = tries(multi), starts.where
