@@ -177,7 +177,7 @@ def _solve(
     image = dr.select(reflected, optics.on_ray(V, R, view.eye), V)
     kind, region = vertexwise.kinds(reflected, hidden)
     if mesh.convex and cuts:
-        # What lies flush with a convex mirror is its own image, before the mirror or in it: only triangles that leave it have one.
+        # What lies flush with a convex mirror is its own image, before it or in it: only triangles that leave it have one.
         kind = dr.select(sight.touches & reflected, mi.Float(virtual.HIDDEN), kind)
     images = virtual.Images(vertexwise.packets(image, kind, lane, count), vertexwise.packets(R, mi.Float(0), lane, count))
     converged = walked.converged

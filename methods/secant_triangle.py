@@ -328,7 +328,7 @@ def _solve(
 
     kind, region = vertexwise.kinds(reflected, hidden)
     if sight is not None and mesh.convex and options.hidden == "cut":
-        # What lies flush with a convex mirror is its own image, before the mirror or in it: only triangles that leave it have one.
+        # What lies flush with a convex mirror is its own image, before it or in it: only triangles that leave it have one.
         kind = dr.select(sight.touches & reflected, mi.Float(virtual.HIDDEN), kind)
     images = virtual.Images(
         vertexwise.packets(image, kind, lane, count), vertexwise.packets(R, mi.Float(0), lane, count), seen

@@ -1,8 +1,8 @@
 """How far a point of a mesh is from a true reflection point, in pixels: float64, on triangles with interpolated normals.
 
-The nearest triangles are asked first, each from its own point nearest to R: that finds the root that R is meant to be, also where
-triangles are large and the half vector changes within a hundredth of one, as it does close to the mirror. What is far from
-these is asked of all triangles.
+The nearest triangles are asked first, each from its own point nearest to R: that finds the root that R is meant to be, also
+where triangles are large and the half vector changes within a hundredth of one, as it does close to the mirror. What is far
+from these is asked of all triangles.
 """
 
 from __future__ import annotations

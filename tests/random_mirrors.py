@@ -1,5 +1,5 @@
-"""Mirrors as users have them, drawn by a seed: flat, needle-like, hard-edged, bumpy, hollow and open, of 12 to 82,000 triangles; an
-eye near or far; vertices near and far, grazing, close to the mirror, and behind it."""
+"""Mirrors as users have them, drawn by a seed: flat, needle-like, hard-edged, bumpy, hollow and open, of 12 to 82,000
+triangles; an eye near or far; vertices near and far, grazing, close to the mirror, and behind it."""
 
 from __future__ import annotations
 
