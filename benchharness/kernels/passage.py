@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import drjit as dr
 import mitsuba as mi
@@ -31,8 +32,14 @@ class Boxes:
 
 def of_scene(scene) -> Boxes:
     """Those of all parts of a `benchharness.scene.Scene`."""
-    rows, parts = boxes.boxes([(part.mesh.vertices, part.mesh.faces) for part in scene.parts], MOST)
+    rows, parts = _found(scene)
     return Boxes(mi.Float(rows.astype(np.float32).ravel()), mi.UInt32(parts.astype(np.uint32)), len(parts))
+
+
+@lru_cache(maxsize=2)
+def _found(scene) -> tuple[np.ndarray, np.ndarray]:
+    """What `boxes.boxes` has of a scene: every method that asks gets the same."""
+    return boxes.boxes([(part.mesh.vertices, part.mesh.faces) for part in scene.parts], MOST)
 
 
 def walled(enclosed: Sequence[bool], reflector: mi.Int32) -> mi.Bool:
