@@ -32,7 +32,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from benchharness import mitsuba_gloss
+from benchharness import mitsuba_gloss, winding
 from benchharness.cache import source_hash
 from benchharness.scene import Gloss, Mesh, Object, PointLight, Reflector, Scene, merged
 
@@ -65,8 +65,8 @@ def mitsuba_scene(scene: Scene, time: float, lighting: str, marks: Sequence[np.n
             else:
                 matt.append((mesh, mark))
         else:
-            for chosen, emission in _by_emission(mesh):
-                shapes.append(_lit(part, mesh, chosen, mark, emission))
+            for chosen, emission, closed in _by_emission(mesh):
+                shapes.append(_lit(part, mesh, chosen, mark, emission, closed))
                 sampled |= emission is not None and bool(emission.any())
     if matt:
         meshes, of_faces = zip(*matt, strict=True)
@@ -185,8 +185,8 @@ def _shining(part: Object, gloss: Gloss, mesh: Mesh, mark: np.ndarray, lights: S
     return shape
 
 
-def _lit(part: Object, mesh: Mesh, chosen: np.ndarray, mark: np.ndarray, emission: np.ndarray | None) -> mi.Mesh:
-    """Faces `chosen` as a surface with one emission [3], or with what varies over its faces for None."""
+def _lit(part: Object, mesh: Mesh, chosen: np.ndarray, mark: np.ndarray, emission: np.ndarray | None, closed: bool) -> mi.Mesh:
+    """Faces `chosen` as a surface with one emission [3], or with what varies over its faces for None; of `closed` pieces."""
     albedo = {"type": "mesh_attribute", "name": "vertex_albedo"}
     front = {"type": "diffuse", "reflectance": albedo}
     if part.gloss is not None:
@@ -196,8 +196,11 @@ def _lit(part: Object, mesh: Mesh, chosen: np.ndarray, mark: np.ndarray, emissio
         varying = mi.load_dict({"type": "mesh_attribute", "name": "vertex_emission"})
         parts["emitter"] = _shining_both_ways(varying, 0.0)
     elif emission.any():
-        constant = {"type": "srgb", "color": mi.ScalarColor3f(*map(float, emission)), "unbounded": True}
-        parts["emitter"] = _shining_both_ways(mi.load_dict(constant))
+        if closed:  # no back of it is seen, and half of the samples would go there
+            parts["emitter"] = mi.load_dict({"type": "area", "radiance": _rgb(emission)})
+        else:
+            constant = {"type": "srgb", "color": mi.ScalarColor3f(*map(float, emission)), "unbounded": True}
+            parts["emitter"] = _shining_both_ways(mi.load_dict(constant))
     used, faces = np.unique(mesh.faces[chosen], return_inverse=True)
     piece = Mesh(
         vertices=mesh.vertices[used],
@@ -213,17 +216,24 @@ def _lit(part: Object, mesh: Mesh, chosen: np.ndarray, mark: np.ndarray, emissio
     return shape
 
 
-def _by_emission(mesh: Mesh) -> Iterator[tuple[np.ndarray, np.ndarray | None]]:
-    """Splits faces by what they emit: (indices of faces, their emission [3], or None where it varies over a face)."""
+def _by_emission(mesh: Mesh) -> Iterator[tuple[np.ndarray, np.ndarray | None, bool]]:
+    """Splits faces by what they emit: (indices of faces, their emission [3], or None where it varies over a face, and whether
+    they are of closed pieces, asked of what emits)."""
     corners = np.asarray(mesh.emission)[mesh.faces]
     constant = (corners == corners[:, :1]).all(axis=(1, 2))
     values, which = np.unique(corners[:, 0], axis=0, return_inverse=True)
+    closed_faces = np.zeros(len(constant), bool)
+    if values.any():
+        found = winding.pieces(mesh)
+        closed_faces = found.closed[found.piece] & found.two_sided[found.piece]
     for i, value in enumerate(values):
-        chosen = np.flatnonzero(constant & (which.ravel() == i))
-        if len(chosen):
-            yield chosen, value
+        chosen = constant & (which.ravel() == i)
+        sealed = closed_faces if value.any() else np.zeros(len(constant), bool)
+        for mine, closed in ((chosen & ~sealed, False), (chosen & sealed, True)):
+            if mine.any():
+                yield np.flatnonzero(mine), value, closed
     if not constant.all():
-        yield np.flatnonzero(~constant), None
+        yield np.flatnonzero(~constant), None, False
 
 
 def _mesh(name: str, mesh: Mesh, mark: np.ndarray, **parts) -> mi.Mesh:
