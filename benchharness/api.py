@@ -26,6 +26,8 @@ class View:
     eye                position
     x, y, w            world to screen: pixel column = (x · (P, 1)) / (w · (P, 1)), row likewise with y; w · (P, 1) is depth
     right, down, axis  the ray through column c, row r (centres at + 0.5) has direction axis + c right + r down, unnormalised
+    depth, origin      and passes through origin + depth (c right + r down), whose depth that is: near the mirrors where the eye
+                       is far from them, else the eye itself and 0 (`kernels.depths`)
     width, height      pixels
     """
 
@@ -36,6 +38,8 @@ class View:
     right: mi.Vector3f
     down: mi.Vector3f
     axis: mi.Vector3f
+    depth: mi.Float
+    origin: mi.Point3f
     near: mi.Float
     width: int
     height: int
@@ -118,7 +122,8 @@ class Reflection:
 
     L         radiance arriving along the reflected ray, before the mirror's own reflectance
     distance  length of the reflected ray to what it shows; inf for the surroundings
-    found     False where the method has no answer
+    found     False where the method has no answer. The surroundings are none where `Scene.enclosed` holds the mirror: what
+              ends there was lost
     vertices  for vertex-driven methods
     counters  name -> one integer array, summed by the harness: deterministic work of this frame
     doubt     True where the method has an answer and knows that it may show the wrong thing, or the right one more than

@@ -24,7 +24,9 @@ same random numbers, Sobol' points for the first segment: what error remains is 
 blotches rather than noise. A mirror's caustics are found by chance and converge last.
 
 Poses are those at time 0; shadows and bounces do not follow objects that move. The back of an open sheet has no light
-of its own.
+of its own: it shows that of its front.
+
+What is traced is the normalised scene (`benchharness.normalisation`), wherever the given one stands.
 """
 
 # pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false
@@ -43,6 +45,7 @@ from scipy.stats import qmc
 
 import benchharness.cache as cache
 import benchharness.mitsuba_scene as mitsuba_scene
+from benchharness.normalisation import normalised
 from benchharness.scene import Mesh, PointLight, Scene
 
 LANES = 1 << 20
@@ -62,13 +65,14 @@ def bake(scene: Scene, spp: int = 512, max_depth: int = 6, seed: int = 0) -> Sce
     for name, value, least in (("spp", spp, 1), ("max_depth", max_depth, 1), ("seed", seed, 0)):
         if int(value) != value or value < least:
             raise ValueError(f"bake: {name} is {value!r}; accepted: whole numbers from {least}")
+    local = normalised(scene)
     key = cache.content_hash(
         cache.source_hash(__file__, mitsuba_scene.__file__),
         (mi.__version__, mi.variant()),
-        mitsuba_scene.fingerprint(scene, 0.0, "transport"),
+        mitsuba_scene.fingerprint(local, 0.0, "transport"),
         (int(spp), int(max_depth), int(seed)),
     )
-    baked = cache.cached("bake", key, lambda: _light(scene, int(spp), int(max_depth), int(seed)))
+    baked = cache.cached("bake", key, lambda: _light(local, int(spp), int(max_depth), int(seed)))
     objects, start = [], 0
     for part in scene.objects:
         end = start + len(part.mesh.vertices)

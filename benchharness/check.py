@@ -86,6 +86,12 @@ def findings(plugin: plugins.Plugin, renderer: Renderer) -> Iterator[Finding]:
     yield from _well_formed(first, frames[0])
     if first.broken or not first.found.any():
         return
+    beyond = int(np.isinf(first.distance[first.found]).sum())
+    yield _judged(
+        beyond == 0,
+        "within walls, nothing is found at infinity",
+        f"{beyond} pixels are found at infinity, and walls enclose the mirror (Scene.enclosed): no answer, found is False",
+    )
     yield _judged(first.launched == 0, "nothing is evaluated inside shade", f"shade launches {first.launched} kernels", "warn")
     again = _Answer(cls(), scene, frames[0])
     yield _judged(first.same(again), "the same frame gives the same answer, bit for bit", "two runs of a frame differ")

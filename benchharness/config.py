@@ -23,6 +23,7 @@ from pydantic import Field
 from benchharness import identity, params, platform, plugins, tablescene
 from benchharness.api import Method
 from benchharness.inside import check_cameras
+from benchharness.orientation import oriented
 from benchharness.scene import Scene, refined
 
 if TYPE_CHECKING:
@@ -134,6 +135,7 @@ class Job:
     frames  ascending
     images  those of them whose pictures are kept
     facts   columns of the table that the scene alone determines
+    notes   sentences about what was wrong with the scene, and mended
     """
 
     scene: SceneSpec
@@ -141,6 +143,7 @@ class Job:
     images: list[int]
     facts: dict[str, Any]
     entries: list[Entry]
+    notes: list[str]
 
 
 @dataclass(frozen=True)
@@ -319,6 +322,11 @@ def _job(spec: SceneSpec, run: Run, entries: list[Entry], path: Path) -> Job:
     ]:
         if count < 1:
             raise ValueError(f"{spec.where}: the scene has {count} {name}; accepted: at least one")
+    _check_light(scene, spec.where)
+    try:
+        scene, notes = oriented(scene)
+    except ValueError as error:
+        raise ValueError(f"{spec.where}: {error}") from None
     frames = pick_frames(run.frames, scene.frames, f"{path}: [run].frames, for scene {spec.label},")
     for frame in run.images or []:
         if frame not in frames:
@@ -334,7 +342,20 @@ def _job(spec: SceneSpec, run: Run, entries: list[Entry], path: Path) -> Job:
         "ppd": scene.ppd,
         "scene_hash": identity.of_scene(scene),
     }
-    return Job(spec, frames, frames if run.images is None else sorted(run.images), facts, entries)
+    images = frames if run.images is None else sorted(run.images)
+    return Job(spec, frames, images, facts, entries, [str(note) for note in notes if note.remarkable])
+
+
+def _check_light(scene: Scene, where: str) -> None:
+    """Raises ValueError for a scene in which nothing shines: whatever a mirror shows there is black, and right."""
+    given = any(part.mesh.radiance is not None and part.mesh.radiance.any() for part in scene.objects)
+    emits = any(np.any(part.mesh.emission) for part in scene.objects)
+    around = np.any(scene.background) or (scene.environment is not None and scene.environment.radiance.any())
+    if not (given or emits or around or any(any(light.intensity) for light in scene.lights)):
+        raise ValueError(
+            f"{where}: nothing shines; accepted: an object with emission, a background, an environment or a light "
+            "that is not black"
+        )
 
 
 def _builder(name: str, source: str | None, where: str) -> Any:

@@ -23,11 +23,16 @@ def opaque(kind, values):
     return array
 
 
+FAR = 8.0  # units; from an eye this deep before the world's origin, depths are told from there
+
+
 def view_of(camera: Camera, width: int, height: int, near: float) -> View:
     """The camera on the device; pixel centres at + 0.5, rows downwards."""
     right, down, forward = camera.axes()
     focal = 0.5 * height / np.tan(0.5 * np.radians(camera.fov_deg))
     x, y, w = camera.world_to_screen(width, height)
+    axis = forward - (0.5 * width * right + 0.5 * height * down) / focal
+    depth = w[3] if w[3] >= FAR else 0.0
     return View(
         eye=opaque(mi.Point3f, camera.eye),
         x=opaque(mi.Vector4f, x),
@@ -35,7 +40,9 @@ def view_of(camera: Camera, width: int, height: int, near: float) -> View:
         w=opaque(mi.Vector4f, w),
         right=opaque(mi.Vector3f, right / focal),
         down=opaque(mi.Vector3f, down / focal),
-        axis=opaque(mi.Vector3f, forward - (0.5 * width * right + 0.5 * height * down) / focal),
+        axis=opaque(mi.Vector3f, axis),
+        depth=opaque(mi.Float, depth),
+        origin=opaque(mi.Point3f, camera.eye + depth * axis),
         near=opaque(mi.Float, near),
         width=width,
         height=height,
@@ -66,10 +73,11 @@ class FrameRenderer:
         metals = [(r.eta, r.k) for r in scene.reflectors]
         self.eta = [None if eta is None else opaque(mi.Color3f, eta) for eta, _ in metals]
         self.k = [None if eta is None else opaque(mi.Color3f, k) for eta, k in metals]
+        self.enclosed = scene.enclosed  # found here, and in no method's time
         self._posed: tuple[np.ndarray, mi.Float, geometry.Geometry] | None = None
 
     def view(self, index: int) -> View:
-        return view_of(self.scene.camera(self.scene.time(index)), self.width, self.height, self.scene.near)
+        return view_of(self.scene.camera(self.scene.time(index)), self.width, self.height, self.scene.near_plane)
 
     def render(self, index: int) -> Frame:
         """The frame number `index` of the animation, evaluated."""
@@ -81,7 +89,7 @@ class FrameRenderer:
         visibility = raster.rasterize(world.points, world.faces, world.face_count, view, cull="back")
         reflector, active, p, n, radiance = _first_hits(world, visibility, self.surroundings, view, len(self.scene.objects))
         pixels = mi.UInt32(dr.compress(active))
-        v = dr.normalize(view.eye - p)
+        v = dr.normalize(mi.Vector3f(view.eye - p))
         time = self.scene.time(index)
         return Frame(
             index, time, view, poses, reflector, active, pixels, p, n, v, radiance, self.surfaces, self.proxies,
@@ -94,7 +102,7 @@ class FrameRenderer:
         vertices = (reflector.closed or reflector.mesh).vertices @ pose[:3, :3].T + pose[:3, 3]
         rows = self.scene.camera(time).world_to_screen(self.width, self.height)
         q = vertices @ rows[:, :3].T + rows[:, 3]
-        if (q[:, 2] <= self.scene.near).any():
+        if (q[:, 2] <= self.scene.near_plane).any():
             return (-10 * self.width, -10 * self.height, 11 * self.width, 11 * self.height)
         pixels = q[:, :2] / q[:, 2:]
         (left, top), (right, bottom) = np.floor(pixels.min(axis=0)), np.ceil(pixels.max(axis=0))
@@ -124,7 +132,7 @@ def _first_hits(world: geometry.Geometry, visibility, around: surroundings.Surro
     reflector = dr.select(reflector >= 0, reflector, -1)
     mirror = reflector >= 0
     n = dr.normalize(mi.Vector3f(value.x, value.y, value.z))
-    n = dr.select(mirror, dr.select(dr.dot(n, view.eye - p) < 0, -n, n), 0)
+    n = dr.select(mirror, dr.select(dr.dot(n, mi.Vector3f(view.eye - p)) < 0, -n, n), 0)
     seen = dr.select(hit, value, surroundings.radiance(around, raster.ray_through(view, lane), ~hit))
     return reflector, mirror, dr.select(mirror, p, 0), mi.Normal3f(n), dr.select(mirror, 0, seen)
 

@@ -35,7 +35,7 @@ def of_scene(scene: Scene) -> str:
         camera = scene.camera(time)
         digest.update(np.ascontiguousarray(scene.poses(time), np.float64).tobytes())
         digest.update(np.array([*camera.eye, *camera.target, *camera.up, camera.fov_deg], np.float64).tobytes())
-    constants = [scene.frames, scene.fps, scene.near, *scene.background, scene.ppd, scene.exposure, scene.h_max or 0.0]
+    constants = [scene.frames, scene.fps, scene.near_plane, *scene.background, scene.ppd, scene.exposure, scene.h_max or 0.0]
     digest.update(np.array(constants, np.float64).tobytes())
     if scene.lights:
         digest.update(json.dumps(["lights", [[light.position, light.intensity] for light in scene.lights]]).encode())

@@ -19,8 +19,9 @@ import numpy as np
 
 from benchharness import metrics, reference, results, timing, truth
 from benchharness.api import Frame, Method, Reflection, Vertices
-from benchharness.bake import bake
 from benchharness.frame import FrameRenderer
+from benchharness.orientation import oriented
+from benchharness.ready import ready
 from benchharness.regime import Seen
 from benchharness.scene import Scene, refined
 
@@ -49,6 +50,12 @@ class _Entry:
     """FLIP map of the last frame."""
 
 
+DARK = 3e-4  # of display white: the first step of eight bits in sRGB
+MOSTLY = 0.5  # of the mirrors' pixels
+OTHER_MASK = 0.02  # share of the mirrors' pixels that may be a mirror's in one of frame and reference alone, and
+OTHER_MASK_PX = 32  # as many always may: edges run through pixels' centres
+
+
 class Bench:
     """One scene at one size. `out`: folder of the pictures of the next frame, None for none; see `benchharness.worker`."""
 
@@ -61,8 +68,8 @@ class Bench:
         seed: int,
         rounds: tuple[int, int],
     ) -> None:
-        lit = all(part.mesh.radiance is not None for part in scene.objects)
-        self.scene = refined(scene if lit else bake(scene, spp=options.bake_spp, seed=seed))
+        self.scene = ready(scene, options.bake_spp, seed)
+        self.given = refined(oriented(scene)[0])
         self.size, self.options, self.out, self.seed, self.rounds = size, options, out, seed, rounds
         self.renderer = FrameRenderer(self.scene, *size)
         self.entries: dict[str, _Entry] = {}
@@ -82,7 +89,7 @@ class Bench:
         calibration = {"calibration_ms": float(np.median(common["calibration"]))}
         records = []
         for name, entry in entries.items():
-            record = self._record(entry, frames, references) | calibration
+            record = _trusted(self._record(entry, frames, references)) | calibration
             clocks = self._clocks(entry, frames, common) if entry.broken is None else {}
             records.append({"entry": name, **record, **clocks})
         if self.out is not None:
@@ -181,8 +188,14 @@ class Bench:
 
     def _record(self, entry: _Entry, frames: list[Frame], references: list) -> dict:
         """The measured columns of one row, but for the clocks."""
+        truth_ = references[-1]
+        black = truth_.image.max(axis=2) * 2.0**self.scene.exposure < DARK
         facts = {
             "reflector_px": len(frames[-1].pixels),
+            "reference_px": int(truth_.mask.sum()),
+            "mask_diff_px": int((truth_.mask ^ np.array(frames[-1].active).reshape(truth_.mask.shape)).sum()),
+            "dark_px": int((truth_.mask & black).sum()),
+            "back_px": int((truth_.mask & truth_.back).sum()),
             "reference_spp": references[-1].spp,
             "reference_noise": metrics.noise(references[-1], ppd=self.scene.ppd, exposure=self.scene.exposure),
         }
@@ -234,8 +247,9 @@ class Bench:
         return record
 
     def _seen(self, entry: _Entry, frame: Frame, truth_: reference.Reference, record: dict) -> Seen:
-        """The last frame that `entry` showed, beside the reference."""
+        """The last frame that `entry` showed, beside the reference; lengths and places as the scene's author has them."""
         image, reflection = entry.shown[-1]
+        unit = self.scene.unit
         shape = truth_.mask.shape
         mask = truth_.mask & np.array(frame.active).reshape(shape)
         found, doubt, distance = (
@@ -244,9 +258,16 @@ class Bench:
         )
         assert entry.error is not None
         return Seen(
-            image, truth_.image, mask, truth_.reflector, found, doubt, distance, truth_.distance, entry.error,
-            None if reflection.vertices is None else _arrays(reflection.vertices), record, self.scene, frame.time,
+            image, truth_.image, mask, truth_.reflector, found, doubt, unit * distance, unit * truth_.distance, entry.error,
+            None if reflection.vertices is None else self._arrays(reflection.vertices), record, self.given, frame.time,
         )  # fmt: skip
+
+    def _arrays(self, vertices: Vertices) -> dict[str, Any]:
+        """The fields as arrays [N] or [N, 3]; of `further`, a list of such."""
+        arrays = {f.name: np.array(getattr(vertices, f.name)).T for f in fields(vertices) if f.name != "further"}
+        for name in ("R", "virtual"):
+            arrays[name] = self.scene.unit * arrays[name].astype(np.float64) + self.scene.origin
+        return {**arrays, "further": [self._arrays(more) for more in vertices.further]}
 
     def _second(self, error: np.ndarray, second: np.ndarray) -> dict:
         """How many pixels show a second reflection, bool [H, W], and the mean error there if the reference shows it too."""
@@ -311,6 +332,22 @@ class Bench:
                     metrics.save_png(self.out / results.image_name(*names, kind, method, params), pixels)
 
 
+def _trusted(record: dict) -> dict:
+    """The record, its status "invalid" where its errors are against nothing that a method could be judged by."""
+    if record["status"] != "ok":
+        return record
+    shown, union = record["reference_px"], max(record["reflector_px"], record["reference_px"])
+    reason = None
+    if record["mask_diff_px"] > OTHER_MASK_PX + OTHER_MASK * union:
+        both = f"frame ({record['reflector_px']}) and reference ({shown})"
+        reason = f"{record['mask_diff_px']} pixels are a mirror's in only one of {both}"
+    elif record["dark_px"] > MOSTLY * shown:
+        reason = f"the reference is black in {record['dark_px']} of the mirrors' {shown} pixels"
+    elif record["back_px"] > MOSTLY * shown:
+        reason = f"{record['back_px']} of the mirrors' {shown} pixels show backs of objects, which have no light of their own"
+    return record if reason is None else record | {"status": "invalid", "reason": reason}
+
+
 def check_lanes(reflection: Reflection, frame: Frame) -> None:
     """Raises ValueError for an answer that has neither one lane per pixel nor one for all."""
     pixels = frame.view.width * frame.view.height
@@ -325,12 +362,6 @@ def check_lanes(reflection: Reflection, frame: Frame) -> None:
 def _warm_up(entry: _Entry, frame: Frame) -> None:
     timing.warm_up(lambda: entry.method.update(entry.outdated, frame))
     timing.warm_up(lambda: _timed_part(entry.method.shade(entry.before, frame)))
-
-
-def _arrays(vertices: Vertices) -> dict[str, Any]:
-    """The fields as arrays [N] or [N, 3]; of `further`, a list of such."""
-    arrays = {f.name: np.array(getattr(vertices, f.name)).T for f in fields(vertices) if f.name != "further"}
-    return {**arrays, "further": [_arrays(more) for more in vertices.further]}
 
 
 def converged_share(converged: np.ndarray, region: np.ndarray, iterations: np.ndarray) -> float | None:

@@ -2,16 +2,16 @@
 
 `lighting` says what surfaces do:
 
-"baked"      Every object emits its baked radiance (`Mesh.radiance`, interpolated over the triangle) and scatters
-             nothing. Mitsuba's area emitters shine to the front of the shading frame only, so objects carry face
-             normals here: what is lit does not depend on vertex normals. The material is a conductor of reflectance
-             zero rather than a black diffuse one, which keeps the path integrator from sampling emitters: without that
-             the picture has no noise at all. Highlights of point lights on objects with gloss are part of what they
-             emit, with the baked visibility of the lights that the methods use too; there are no shadow rays. All objects
-             without gloss are one mesh: what Mitsuba does before it traces grows with the square of the number of emitters,
-             and took ten times as long as the rays of a small picture.
+"baked"      Every object emits its baked radiance (`Mesh.radiance`, interpolated over the triangle) to both sides and
+             scatters nothing. Mitsuba's own area emitters shine to the front alone, hence ours. The material is a
+             conductor of reflectance zero rather than a black diffuse one, which keeps the path integrator from sampling
+             emitters: without that the picture has no noise at all. Highlights of point lights on objects with gloss are
+             part of what they emit, with the baked visibility of the lights that the methods use too; there are no
+             shadow rays. All objects without gloss are one mesh: what Mitsuba does before it traces grows with the
+             square of the number of emitters, and took ten times as long as the rays of a small picture.
 "transport"  Objects are diffuse on both sides (`Mesh.albedo`, vertex normals), glossy where they have gloss (which reflects
-             everything, not only point lights), and emit where their author said so; point lights cast traced shadows.
+             everything, not only point lights), and emit where their author said so, to both sides; point lights cast
+             traced shadows.
              Mitsuba can sample an emitter of constant radiance only: from one of a `mesh_attribute` most of the light
              is lost, silently. So a mesh is split: faces of one emission become one emitter each, and faces over which
              emission varies become one of `sampling_weight` 0, which paths find by chance.
@@ -28,10 +28,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from benchharness import mitsuba_gloss
+from benchharness import mitsuba_gloss, winding
 from benchharness.cache import source_hash
 from benchharness.scene import Gloss, Mesh, Object, PointLight, Reflector, Scene, merged
 
@@ -64,8 +65,8 @@ def mitsuba_scene(scene: Scene, time: float, lighting: str, marks: Sequence[np.n
             else:
                 matt.append((mesh, mark))
         else:
-            for chosen, emission in _by_emission(mesh):
-                shapes.append(_lit(part, mesh, chosen, mark, emission))
+            for chosen, emission, closed in _by_emission(mesh):
+                shapes.append(_lit(part, mesh, chosen, mark, emission, closed))
                 sampled |= emission is not None and bool(emission.any())
     if matt:
         meshes, of_faces = zip(*matt, strict=True)
@@ -132,14 +133,49 @@ def _conductor(reflector: Reflector) -> mi.BSDF:
     return mi.load_dict({"type": "twosided", "bsdf": {"type": "conductor", **metal}})
 
 
-def _emitting(name: str, mesh: Mesh, mark: np.ndarray, radiance: mi.Texture | dict | None = None) -> mi.Mesh:
+def _emitting(name: str, mesh: Mesh, mark: np.ndarray, radiance: mi.Texture | None = None) -> mi.Mesh:
     """What shines with its baked radiance, or as told."""
     black = mi.load_dict({"type": "conductor", "specular_reflectance": _rgb((0, 0, 0))})
-    baked = {"type": "mesh_attribute", "name": "vertex_radiance"}
-    emitter = mi.load_dict({"type": "area", "radiance": baked if radiance is None else radiance})
+    baked = mi.load_dict({"type": "mesh_attribute", "name": "vertex_radiance"})
+    emitter = _shining_both_ways(baked if radiance is None else radiance)
     shape = _mesh(name, mesh, mark, bsdf=black, emitter=emitter, face_normals=True)
     shape.add_attribute("vertex_radiance", 3, np.float32(mesh.radiance).ravel())
     return shape
+
+
+def _shining_both_ways(radiance: mi.Texture, sampling_weight: float = 1.0) -> mi.Emitter:
+    """An area emitter that emits to the front and to the back of its shape alike."""
+
+    class Sheet(mi.Emitter):
+        def __init__(self) -> None:
+            properties = mi.Properties()
+            properties["sampling_weight"] = sampling_weight
+            super().__init__(properties)
+            self.m_flags = mi.EmitterFlags.Surface
+
+        def eval(self, si, active=True):
+            return radiance.eval(si, active)
+
+        def eval_direction(self, it, ds, active=True):
+            return self.eval(mi.SurfaceInteraction3f(ds, it.wavelengths), active)
+
+        def sample_direction(self, it, sample, active=True):
+            ds = self.get_shape().sample_direction(it, sample, active)
+            ds.emitter = mi.EmitterPtr(self)
+            active = active & (ds.pdf > 0)
+            L = self.eval(mi.SurfaceInteraction3f(ds, it.wavelengths), active)
+            return ds, dr.select(active, L / ds.pdf, 0)
+
+        def pdf_direction(self, it, ds, active=True):
+            return dr.select(active, self.get_shape().pdf_direction(it, ds, active), 0)
+
+        def bbox(self):
+            return self.get_shape().bbox()
+
+        def to_string(self) -> str:
+            return f"Sheet[{radiance}]"
+
+    return Sheet()
 
 
 def _shining(part: Object, gloss: Gloss, mesh: Mesh, mark: np.ndarray, lights: Sequence[PointLight]) -> mi.Mesh:
@@ -149,18 +185,22 @@ def _shining(part: Object, gloss: Gloss, mesh: Mesh, mark: np.ndarray, lights: S
     return shape
 
 
-def _lit(part: Object, mesh: Mesh, chosen: np.ndarray, mark: np.ndarray, emission: np.ndarray | None) -> mi.Mesh:
-    """Faces `chosen` as a surface with one emission [3], or with what varies over its faces for None."""
+def _lit(part: Object, mesh: Mesh, chosen: np.ndarray, mark: np.ndarray, emission: np.ndarray | None, closed: bool) -> mi.Mesh:
+    """Faces `chosen` as a surface with one emission [3], or with what varies over its faces for None; of `closed` pieces."""
     albedo = {"type": "mesh_attribute", "name": "vertex_albedo"}
     front = {"type": "diffuse", "reflectance": albedo}
     if part.gloss is not None:
         front = mitsuba_gloss.bsdf(part.gloss, mi.load_dict(albedo))
     parts: dict = {"bsdf": mi.load_dict({"type": "twosided", "bsdf": front})}
     if emission is None:
-        varying = {"type": "mesh_attribute", "name": "vertex_emission"}
-        parts["emitter"] = mi.load_dict({"type": "area", "radiance": varying, "sampling_weight": 0.0})
+        varying = mi.load_dict({"type": "mesh_attribute", "name": "vertex_emission"})
+        parts["emitter"] = _shining_both_ways(varying, 0.0)
     elif emission.any():
-        parts["emitter"] = mi.load_dict({"type": "area", "radiance": _rgb(emission)})
+        if closed:  # no back of it is seen, and half of the samples would go there
+            parts["emitter"] = mi.load_dict({"type": "area", "radiance": _rgb(emission)})
+        else:
+            constant = {"type": "srgb", "color": mi.ScalarColor3f(*map(float, emission)), "unbounded": True}
+            parts["emitter"] = _shining_both_ways(mi.load_dict(constant))
     used, faces = np.unique(mesh.faces[chosen], return_inverse=True)
     piece = Mesh(
         vertices=mesh.vertices[used],
@@ -176,17 +216,24 @@ def _lit(part: Object, mesh: Mesh, chosen: np.ndarray, mark: np.ndarray, emissio
     return shape
 
 
-def _by_emission(mesh: Mesh) -> Iterator[tuple[np.ndarray, np.ndarray | None]]:
-    """Splits faces by what they emit: (indices of faces, their emission [3], or None where it varies over a face)."""
+def _by_emission(mesh: Mesh) -> Iterator[tuple[np.ndarray, np.ndarray | None, bool]]:
+    """Splits faces by what they emit: (indices of faces, their emission [3], or None where it varies over a face, and whether
+    they are of closed pieces, asked of what emits)."""
     corners = np.asarray(mesh.emission)[mesh.faces]
     constant = (corners == corners[:, :1]).all(axis=(1, 2))
     values, which = np.unique(corners[:, 0], axis=0, return_inverse=True)
+    closed_faces = np.zeros(len(constant), bool)
+    if values.any():
+        found = winding.pieces(mesh)
+        closed_faces = found.closed[found.piece] & found.two_sided[found.piece]
     for i, value in enumerate(values):
-        chosen = np.flatnonzero(constant & (which.ravel() == i))
-        if len(chosen):
-            yield chosen, value
+        chosen = constant & (which.ravel() == i)
+        sealed = closed_faces if value.any() else np.zeros(len(constant), bool)
+        for mine, closed in ((chosen & ~sealed, False), (chosen & sealed, True)):
+            if mine.any():
+                yield np.flatnonzero(mine), value, closed
     if not constant.all():
-        yield np.flatnonzero(~constant), None
+        yield np.flatnonzero(~constant), None, False
 
 
 def _mesh(name: str, mesh: Mesh, mark: np.ndarray, **parts) -> mi.Mesh:

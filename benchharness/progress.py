@@ -11,6 +11,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from benchharness.config import Job
 
+ANSWERED = 0.98  # share of the mirror's pixels; what answers fewer is mentioned
+
 
 class Bars:
     """A bar per scene configuration, in frames."""
@@ -25,6 +27,8 @@ class Bars:
     def frame(self, frame: int, records: list[dict]) -> None:
         if self._task is not None:
             self._progress.advance(self._task)
+        for text in remarks(records):
+            self.note(f"  frame {frame}: {text}")
 
     def note(self, text: str) -> None:
         self._console.print(text, markup=False, highlight=False)
@@ -42,9 +46,27 @@ class Lines:
     def frame(self, frame: int, records: list[dict]) -> None:
         counts = Counter(record["status"] for record in records)
         self.note(f"  frame {frame}: " + ", ".join(f"{count} {status}" for status, count in counts.items()))
+        for text in remarks(records):
+            self.note(f"    {text}")
 
     def note(self, text: str) -> None:
         self._console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+
+def remarks(records: list[dict]) -> list[str]:
+    """What the user should know of a frame's rows beside their status: what nobody should rely on, and why."""
+    found: dict[str, list[str]] = {}
+    for record in records:
+        coverage, reason = record.get("coverage"), None
+        if record["status"] == "invalid":
+            reason = f"not ranked: {record['reason']}"
+        elif record["status"] == "ok" and record.get("reflector_px") == 0:
+            reason = "no mirror in view: times, and no errors"
+        elif record["status"] == "ok" and coverage is not None and coverage < ANSWERED:
+            reason = f"no answer in {1 - coverage:.0%} of the mirror, shown as it is"
+        if reason is not None:
+            found.setdefault(reason, []).append(f"{record['method']} {record['params']}".strip())
+    return [f"{reason} ({', '.join(who) if len(who) < len(records) else 'all'})" for reason, who in found.items()]
 
 
 @contextmanager

@@ -6,7 +6,9 @@ zero; it is measured all the same. The picture is whole: mirrors show their cond
 else is there. A reflected ray that dips below the mirror's own faceted surface, at silhouettes of coarse meshes, meets
 that mirror again and costs a bounce.
 
-The near plane is not applied; nothing of a scene should come that close.
+What is traced is the normalised scene (`benchharness.normalisation`): Mitsuba moves the origins of rays by lengths that
+are small beside a metre, and only there. Rays of the eye start at the near plane, or where the scene begins if that is
+farther: from an eye that is far away, single precision would start them beside their pixels.
 """
 
 # pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportOperatorIssue=false
@@ -23,6 +25,7 @@ import numpy as np
 import benchharness.cache as cache
 import benchharness.mitsuba_scene as mitsuba_scene
 from benchharness.bake import bake
+from benchharness.normalisation import normalised
 from benchharness.scene import Camera, Reflector, Scene
 
 FILTERS = ("center", "box")
@@ -81,6 +84,7 @@ class Reference:
     reflector int32 [H, W]: which one, -1 where none
     distance  float32 [H, W] metres from there to what the reflected ray meets; inf: the surroundings, NaN: off the mask
     second    bool [H, W]: pixels of the mask that show a second reflection: the reflected ray meets a reflector first
+    back      bool [H, W]: pixels of the mask whose reflected ray meets an object's back
     spp       rays per pixel that were traced
     """
 
@@ -90,6 +94,7 @@ class Reference:
     reflector: np.ndarray
     distance: np.ndarray
     second: np.ndarray
+    back: np.ndarray
     spp: int
 
 
@@ -109,15 +114,19 @@ def render(
         raise ValueError(f"reference: seed is {seed}; accepted: whole numbers from 0")
     if options.lighting == "baked" and any(part.mesh.radiance is None for part in scene.objects):
         scene = bake(scene, spp=options.bake_spp)
-    camera = scene.camera(time)
+    local = normalised(scene)
+    to_metres = local.unit / scene.unit
+    scene, camera = local, local.camera(time)
     key = cache.content_hash(
         cache.source_hash(__file__, mitsuba_scene.__file__),
         (mi.__version__, mi.variant()),
         mitsuba_scene.fingerprint(scene, time, options.lighting),
         (*map(float, (*camera.eye, *camera.target, *camera.up, camera.fov_deg)), int(width), int(height), int(seed)),
+        scene.near_plane,
         asdict(options) | {"max_depth": options.depth, "bake_spp": 0},
     )
     arrays = cache.cached("reference", key, lambda: _render(scene, time, camera, width, height, options, seed))
+    arrays = {**arrays, "distance": np.float32(to_metres) * arrays["distance"]}
     return Reference(**{name: array for name, array in arrays.items() if name != "spp"}, spp=int(arrays["spp"]))
 
 
@@ -127,8 +136,9 @@ def _render(
     number = [_reflector_number(scene, part) for part in scene.parts]
     marks = [np.full(len(part.mesh.faces), i) for part, i in zip(scene.parts, number, strict=True)]
     world = mitsuba_scene.mitsuba_scene(scene, time, options.lighting, marks)
-    image, variance, spp = _sampled(world, camera, width, height, options, seed)
-    reflector, distance, second = _geometry(world, camera, width, height)
+    start = max(scene.near_plane, _nearest(scene, time, camera))
+    image, variance, spp = _sampled(world, camera, start, width, height, options, seed)
+    reflector, distance, second, back = _geometry(world, camera, start, width, height)
     shape = (height, width)
     return {
         "image": image.reshape(*shape, 3).astype(np.float32),
@@ -137,6 +147,7 @@ def _render(
         "reflector": reflector.reshape(shape),
         "distance": distance.reshape(shape),
         "second": second.reshape(shape),
+        "back": back.reshape(shape),
         "spp": np.array(spp),
     }
 
@@ -145,18 +156,27 @@ def _reflector_number(scene: Scene, part) -> int:
     return scene.reflectors.index(part) if isinstance(part, Reflector) else -1
 
 
-def camera_rays(camera: Camera, width: int, height: int, x: mi.Float, y: mi.Float) -> mi.Ray3f:
-    """Rays from the eye through image positions x (to the right) and y (down), in pixels from the top left corner."""
-    axes, eye = [mi.Vector3f(*map(float, axis)) for axis in camera.axes()], mi.Point3f(*map(float, camera.eye))
-    focal = mi.Float(0.5 * height / np.tan(0.5 * np.radians(camera.fov_deg)))
-    dr.make_opaque(axes, eye, focal)  # else every frame of an animation compiles the integrator again
-    right, down, forward = axes
-    d = forward + (x - 0.5 * width) / focal * right + (y - 0.5 * height) / focal * down
-    return mi.Ray3f(eye, dr.normalize(d))
+def _nearest(scene: Scene, time: float, camera: Camera) -> float:
+    """A depth in front of which there is nothing of the scene."""
+    ahead = camera.axes()[2]
+    depths = [((part.mesh.transformed(part.pose(time)).vertices - camera.eye) @ ahead).min() for part in scene.parts]
+    return min(depths, default=0.0) - 1e-3 * scene.size
+
+
+def camera_rays(camera: Camera, start: float, width: int, height: int, x: mi.Float, y: mi.Float) -> mi.Ray3f:
+    """Rays of the eye through image positions x (to the right) and y (down), in pixels from the top left corner, from the depth
+    `start` on."""
+    axes, focal = camera.axes(), 0.5 * height / np.tan(0.5 * np.radians(camera.fov_deg))
+    middle = mi.Point3f(*map(float, np.asarray(camera.eye, np.float64) + start * axes[2]))
+    right, down, forward = (mi.Vector3f(*map(float, axis)) for axis in axes)
+    depth, per_pixel = mi.Float(start), mi.Float(1 / focal)
+    dr.make_opaque(right, down, forward, middle, depth, per_pixel)  # else every frame of an animation compiles all again
+    aside = (x - 0.5 * width) * per_pixel * right + (y - 0.5 * height) * per_pixel * down
+    return mi.Ray3f(middle + depth * aside, dr.normalize(forward + aside))
 
 
 def _sampled(
-    world: mi.Scene, camera: Camera, width: int, height: int, options: ReferenceOptions, seed: int
+    world: mi.Scene, camera: Camera, start: float, width: int, height: int, options: ReferenceOptions, seed: int
 ) -> tuple[np.ndarray, np.ndarray, int]:
     """Mean and variance of the mean, float64 [H W, 3], and the number of samples."""
     integrator = mi.load_dict({"type": "path", "max_depth": options.depth, "rr_depth": 1 << 20})
@@ -176,7 +196,7 @@ def _sampled(
         sampler.seed((seed * 7919 + done) % (1 << 32), pixels * n)
         offset = mi.Point2f(0.5) if options.filter == "center" else sampler.next_2d()
         x, y = mi.Float(pixel % width) + offset.x, mi.Float(pixel // width) + offset.y
-        rays = mi.RayDifferential3f(camera_rays(camera, width, height, x, y))
+        rays = mi.RayDifferential3f(camera_rays(camera, start, width, height, x, y))
         L = np.array(integrator.sample(world, sampler, rays)[0], np.float64).T.reshape(pixels, n, 3)
         if done == 0:
             first = L[:, 0]
@@ -193,11 +213,11 @@ def _sampled(
     return image, variance, done
 
 
-def _geometry(world: mi.Scene, camera: Camera, width: int, height: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _geometry(world: mi.Scene, camera: Camera, start: float, width: int, height: int) -> tuple[np.ndarray, ...]:
     """Number of the reflector at each pixel's centre, int32 [H W], and of the reflected ray: its length, float32 [H W], and
-    whether it meets a reflector, bool [H W]."""
+    whether it meets a reflector, and whether the back of an object, bool [H W]."""
     lane = dr.arange(mi.UInt32, width * height)
-    ray = camera_rays(camera, width, height, mi.Float(lane % width) + 0.5, mi.Float(lane // width) + 0.5)
+    ray = camera_rays(camera, start, width, height, mi.Float(lane % width) + 0.5, mi.Float(lane // width) + 0.5)
     si = world.ray_intersect(ray)
     valid = si.is_valid()
     number = dr.select(valid, mi.Int32(si.shape.eval_attribute_1("face_mark", si, valid)), -1)
@@ -207,5 +227,6 @@ def _geometry(world: mi.Scene, camera: Camera, width: int, height: int) -> tuple
     t = met.t + dr.dot(mirrored.o - si.p, mirrored.d)
     second = met.is_valid()
     second &= met.shape.eval_attribute_1("face_mark", met, second) >= 0
+    back = met.is_valid() & ~second & (dr.dot(met.n, mirrored.d) > 0)
     length = np.array(dr.select(number >= 0, t, dr.nan), np.float32)
-    return np.array(number, np.int32), length, np.array(second, bool)
+    return np.array(number, np.int32), length, np.array(second, bool), np.array(back, bool)

@@ -35,12 +35,14 @@ COLUMNS = (
     "rmse relmse flip flip_p95 coverage nonfinite_px distance_err "
     "residual_px converged_ratio wrong_ratio iterations_mean iterations_max temporal_diff jitter_px "
     "reference_lighting reference_spp reference_noise config_hash method_hash scene_hash environment "
-    "calibration_ms ppd counters residual_px_max second_px flip_second"
+    "calibration_ms ppd counters residual_px_max second_px flip_second reference_px mask_diff_px dark_px back_px"
 ).split()
 """Columns of results.csv, in order. `residual_px` is a median over vertices; `counters` is the canonical `name=value` list;
 `calibration_ms` the fixed kernel; `second_px` counts the mask's pixels whose reflected ray meets a reflector first, and
 `flip_second` is the mean of the FLIP map over those, without meaning against a reference of one bounce;
-`reference_noise` the mean FLIP inside the mask that the reference's own noise causes (the unit of `flip`)."""
+`reference_noise` the mean FLIP inside the mask that the reference's own noise causes (the unit of `flip`);
+`reference_px` counts the mirrors' pixels in the reference, `mask_diff_px` those that are a mirror's in only one of frame and
+reference, `dark_px` those where the reference is black, `back_px` those that show the back of an object first."""
 
 REQUIRED = COLUMNS[: COLUMNS.index("environment") + 1]
 """Columns without which a results.csv is not one; later ones may be missing in a file and read as None."""
@@ -53,6 +55,7 @@ VERDICTS = ("holds", "degrades", "fails", "refuses")
 
 INTEGERS = frozenset(
     "frame vertices triangles reflectors reflector_px nonfinite_px iterations_max reference_spp second_px "
+    "reference_px mask_diff_px dark_px back_px "
     "round frames frames_ok frames_in_view".split()
 )
 TEXTS = frozenset(
@@ -68,9 +71,11 @@ ERRORS = (
 SUMMARY_COLUMNS = [
     *"config scene detail method params status reason frames frames_ok frames_in_view ok_ratio".split(),
     *TIMES, *ERRORS, *"flip_min flip_max nonfinite_px iterations_max reference_noise calibration_ms second_px".split(),
+    *"mask_diff_px dark_px back_px".split(),
 ]  # fmt: skip
 """Columns of summary.csv: medians of TIMES, means of ERRORS and `reference_noise`, the largest `iterations_max`, each
-over the frames with status ok that have the number; `nonfinite_px` and `second_px` are summed, over all frames."""
+over the frames with status ok that have the number; `nonfinite_px`, `second_px` and
+what follows are summed, over all frames."""
 
 SAMPLE_COLUMNS = [*KEY, "clock", "round", "ms"]
 """Columns of samples.csv. `clock` is prepare, update, shade, kernel, gbuffer, calibration ...; `round` is from 0."""
@@ -302,7 +307,7 @@ def _summarised(group: tuple, rows: list[Mapping]) -> dict:
     for name in (*ERRORS, "reference_noise"):
         out[name] = statistics.fmean(values) if (values := present(ok, name)) else None
     out.update(flip_min=min(flips, default=None), flip_max=max(flips, default=None))
-    for name in ("nonfinite_px", "second_px"):
+    for name in ("nonfinite_px", "second_px", "mask_diff_px", "dark_px", "back_px"):
         out[name] = sum(values) if (values := present(rows, name)) else None
     out["iterations_max"] = max(present(ok, "iterations_max"), default=None)
     return out

@@ -75,9 +75,10 @@ def run(
             elif line["status"] in BROKEN:
                 listener.note(f"{line['status']}: {line['out']}: {line['reason']}")
         records, samples = _tables(journal.lines())
-        _write(folder, records, samples, environment)
+        notes = {"scenes": {job.scene.label: "; ".join(job.notes) for job in config.jobs if job.notes}}
+        _write(folder, records, samples, environment | (notes if notes["scenes"] else {}))
     statuses = {record["status"] for record in records}
-    complete = not statuses & set(BROKEN) and statuses != {"refused"}
+    complete = not statuses & set(BROKEN) and "ok" in statuses
     return FINE if complete else INCOMPLETE, folder
 
 
@@ -119,6 +120,8 @@ def _lines(
         return
     for number, (job, past) in enumerate(zip(config.jobs, pasts, strict=True)):
         listener.job(number, job, len(job.frames) - len(past.done))
+        for note in job.notes:
+            listener.note(f"  {note}")
         yield from supervisor.execute(number, job, setting, past)
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from benchharness.subdivision import split_edges
 Motion = Callable[[float], np.ndarray]
 """Time in seconds -> rigid pose, float64 [4, 4], object to world."""
 
+NEAR = 1e-3  # of a mirror's half diagonal
 MOST_LIGHTS = 4  # point lights of a scene: their visibilities at a vertex are one packet of 4 floats on the device
 
 
@@ -287,7 +289,7 @@ class Scene:
 
     camera      time in seconds -> Camera
     frames      length of the animation; frame i is at time i / fps
-    near        distance in front of the eye, in metres, below which nothing is drawn
+    near        depth in front of the eye, in metres, below which nothing is drawn; None: NEAR of the smallest mirror
     background  radiance of the surroundings at infinity, linear RGB
     environment surroundings at infinity that differ by direction; ValueError beside a `background` that is not black, and
                 for a `ground` that is no object's name
@@ -296,6 +298,9 @@ class Scene:
     detail      "lean" or "paper"
     h_max       edges of objects longer than this, in metres, are split after baking (`refined`); None: no splitting
     lights      point lights; ValueError for more than MOST_LIGHTS
+    unit        metres that a unit of length of this scene stands for, and
+    origin      [3] where its origin is, in metres of the author's scene: other than 1 and 0 only where the harness moved it
+                (`benchharness.normalisation`)
     """
 
     name: str
@@ -304,7 +309,7 @@ class Scene:
     camera: Callable[[float], Camera]
     frames: int
     fps: float = 25.0
-    near: float = 0.01
+    near: float | None = None
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
     ppd: float = 67.0
     exposure: float = 0.0
@@ -314,6 +319,8 @@ class Scene:
     h_max: float | None = None
     lights: tuple[PointLight, ...] = ()
     environment: Environment | None = None
+    unit: float = 1.0
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         if len(self.lights) > MOST_LIGHTS:
@@ -346,6 +353,25 @@ class Scene:
     @property
     def triangles(self) -> int:
         return sum(len(part.mesh.faces) for part in self.parts)
+
+    @property
+    def size(self) -> float:
+        """Half the diagonal of the smallest mirror's box, or object's where there is no mirror; 1 without either."""
+        boxes = [0.5 * float(np.linalg.norm(np.ptp(part.mesh.vertices, axis=0))) for part in self.reflectors or self.objects]
+        return min((box for box in boxes if box > 0), default=1.0)
+
+    @property
+    def near_plane(self) -> float:
+        """`near`, or what it is if nothing is said."""
+        return NEAR * self.size if self.near is None else self.near
+
+    @cached_property
+    def enclosed(self) -> tuple[bool, ...]:
+        """Per reflector whether it stands wholly within walls, in all frames: the surroundings are nothing that it reflects.
+        Found once per scene, in some tens of milliseconds; waits for the device."""
+        from benchharness import enclosure
+
+        return enclosure.enclosed(self)
 
     def poses(self, time: float) -> np.ndarray:
         """Poses of `parts` at a time, float64 [P, 3, 4]."""

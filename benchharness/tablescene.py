@@ -10,7 +10,10 @@
 
 Paths are relative to the config. OBJ, PLY and GLB are read by trimesh, vertices as they stand in the file
 (right-handed, z up, metres; `scale`, then `rotate_deg` about x, y, z in this order, then `translate` bring others
-there). A file's own normals are kept. Colours and textures of a file are not read: albedo and emission are one colour
+there). A file's own normals are kept; one without has creases where
+its faces turn by more than 60 degrees. Edges of objects longer than `h_max` metres, by default a twenty-fifth of the diagonal
+of the box around all objects, are split before anything else: light lives at vertices, and images of straight edges are curves
+that vertices follow. Colours and textures of a file are not read: albedo and emission are one colour
 per object. Objects do not move; the eye goes along `path` at even pace between its points.
 
 In place of `background`, `environment = "sky.exr"` names a panorama (latitude and longitude, EXR or HDR, linear) as it is
@@ -22,6 +25,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -30,11 +34,13 @@ import trimesh
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from benchharness import platform, plugins
+from benchharness.creases import creased
 from benchharness.inside import is_closed
-from benchharness.scene import Camera, Environment, Mesh, Object, Reflector, Scene, merged
+from benchharness.scene import Camera, Environment, Mesh, Object, Reflector, Scene, merged, subdivided, vertex_normals
 
 SUFFIXES = (".obj", ".ply", ".glb")
 PANORAMAS = (".exr", ".hdr")
+SPLIT = 1 / 25  # of the diagonal of all objects: the longest edge, if nothing is said
 
 Vector = tuple[float, float, float]
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -79,12 +85,13 @@ class SceneTable(Table):
     camera: CameraTable
     frames: Annotated[int, Field(ge=1)] = 1
     fps: Positive = 25.0
-    near: Positive = 0.01
+    near: Positive | None = None
     background: tuple[Radiance, Radiance, Radiance] = (0.0, 0.0, 0.0)
     environment: str | None = None
     environment_centre: Vector | None = None
     ppd: Positive = 67.0
     exposure: float = 0.0
+    h_max: Positive | None = None
 
 
 def validated(table: dict[str, Any], where: str) -> SceneTable:
@@ -127,9 +134,11 @@ def build(name: str, table: SceneTable, base: Path, where: str) -> Scene:
         if twice:
             raise ValueError(f"{where}.{kind}: the name {twice[0]!r} is there twice; accepted: one part per name")
     environment = _environment(table, base, where)
+    corners = np.concatenate([o.mesh.vertices for o in objects])
+    h_max = table.h_max or SPLIT * float(np.linalg.norm(np.ptp(corners, axis=0)))
     return Scene(
         name=name,
-        objects=tuple(objects),
+        objects=tuple(replace(o, mesh=subdivided(o.mesh, h_max)) for o in objects),
         reflectors=tuple(reflectors),
         camera=_camera(table),
         frames=table.frames,
@@ -200,12 +209,15 @@ def _pieces(loaded: Any) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
         if not isinstance(piece, trimesh.Trimesh):  # points and lines
             continue
         linear, faces = pose[:3, :3], np.asarray(piece.faces, np.int64)
+        faces = faces[:, ::-1] if np.linalg.det(linear) < 0 else faces
+        vertices = np.asarray(piece.vertices) @ linear.T + pose[:3, 3]
+        if "vertex_normals" not in piece._cache:  # then trimesh would make some, smooth over every edge
+            yield creased(vertices, faces) if len(faces) and np.isfinite(vertices).all() else (vertices, faces, vertices)
+            continue
         normals = np.asarray(piece.vertex_normals, np.float64) @ np.linalg.inv(linear)
         length = np.linalg.norm(normals, axis=1, keepdims=True)
         own = np.isfinite(length) & (length > 0)
-        normals = np.where(own, normals / np.where(own, length, 1.0), [0.0, 0.0, 1.0])
-        mirrored = np.linalg.det(linear) < 0
-        yield np.asarray(piece.vertices) @ linear.T + pose[:3, 3], faces[:, ::-1] if mirrored else faces, normals
+        yield vertices, faces, np.where(own, normals / np.where(own, length, 1.0), vertex_normals(vertices, faces))
 
 
 def _pose(placed: Placed) -> np.ndarray:

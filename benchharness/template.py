@@ -6,7 +6,7 @@ from pathlib import Path
 
 from benchharness import plugins
 
-METHOD = '''"""{title}: a sky, brighter above, seen by every reflected ray.
+METHOD = '''"""{title}: a dome, brighter above, seen by every reflected ray.
 
 Say here: the idea in two sentences; paper, section and equation; what it assumes; where it fails; where it differs from
 the paper, and what that changes.
@@ -27,7 +27,7 @@ from benchharness.scene import Scene
 @dataclass(frozen=True)
 class {name}(Method):
     """
-    brightness  radiance of the sky straight up
+    brightness  radiance of the dome straight up
     """
 
     paper: ClassVar[str] = "none"
@@ -39,7 +39,7 @@ class {name}(Method):
     def shade(self, state: mi.Float, frame: Frame) -> tuple[Reflection, mi.Float]:
         wo = 2.0 * dr.dot(frame.v, frame.n) * frame.n - frame.v
         L = mi.Color3f(state * (0.5 + 0.5 * wo.z))
-        distance = dr.full(mi.Float, dr.inf, dr.width(L))
+        distance = dr.full(mi.Float, 100.0, dr.width(L))  # metres; dr.inf is for the surroundings of an open scene
         return Reflection(L, distance, found=frame.active), state
 '''
 

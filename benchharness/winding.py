@@ -1,5 +1,11 @@
 """Which side of a mesh is out: pieces, their winding, and the number of times they go around a point. NumPy on arrays.
 
+A piece is faces that are joined over edges of two faces each, vertices at one place counting as one. Its faces are wound
+consistently if the two faces of every such edge run along it in opposite directions. Whether that can be had by turning some
+of them is asked of the double cover: every face is there twice, as it is and turned, and is joined to that one of its
+neighbour's two that it agrees with. Over a surface with two sides the cover falls into two sheets, each a consistent
+winding; over a Möbius strip it is one.
+
 The generalized winding number of a closed mesh about a point is the sum of the signed solid angles of its triangles
 over 4π (Van Oosterom and Strackee 1983, eq. 8; Jacobson et al. 2013): 1 inside of a mesh that is wound outwards, -1 inside
 of one that is wound inwards, 0 outside.
@@ -7,9 +13,14 @@ of one that is wound inwards, 0 outside.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+SAME = 1e-6  # of a mesh's size: vertices that round to the same multiple of this are at one place
 
 
 class Triangles(Protocol):
@@ -22,6 +33,81 @@ class Triangles(Protocol):
     def faces(self) -> np.ndarray: ...
 
 
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Nothing but triangles."""
+
+    vertices: np.ndarray
+    faces: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """A mesh's faces, sorted into pieces.
+
+    piece     int [F], which one each face belongs to
+    sign      int [F]: faces of one piece are wound consistently if those with -1 are turned; most of its area stays
+    closed    bool [P]: every edge of the piece has exactly two of its faces
+    two_sided bool [P]: it can be wound consistently
+    """
+
+    piece: np.ndarray
+    sign: np.ndarray
+    closed: np.ndarray
+    two_sided: np.ndarray
+
+
+def pieces(mesh: Triangles) -> Pieces:
+    """The pieces of a mesh. A face without area that has two corners at one place is a piece of its own, and not closed."""
+    faces = welded(mesh.vertices, mesh.faces)
+    count = len(faces)
+    real = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    owner = np.repeat(np.flatnonzero(real), 3)
+    ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2)[real].reshape(-1, 2).astype(np.int64)
+    forward = ends[:, 0] < ends[:, 1]
+    key = ends.min(axis=1) * (int(faces.max()) + 1) + ends.max(axis=1)
+
+    # Neighbours: the two faces of an edge that has two. They agree if they run along it in opposite directions.
+    order = np.argsort(key, kind="stable")
+    first = np.flatnonzero(np.diff(key[order], prepend=-1))
+    uses = np.diff(first, append=len(order))
+    one, two = order[first[uses == 2]], order[first[uses == 2] + 1]
+    f, g, agree = owner[one], owner[two], forward[one] != forward[two]
+
+    # The double cover: face f as it is is node f, turned it is node count + f.
+    other = np.where(agree, g, g + count)
+    opposite = np.where(agree, g + count, g)
+    joined = np.stack([np.concatenate([f, f + count]), np.concatenate([other, opposite])])
+    cover = connected_components(coo_array((np.ones(joined.shape[1]), joined), shape=(2 * count, 2 * count)), directed=False)[1]
+    kept, turned = cover[:count], cover[count:]
+    label = np.minimum(kept, turned)
+    _, piece = np.unique(label, return_inverse=True)
+    piece = piece.reshape(-1)
+    total = int(piece.max()) + 1
+    two_sided = np.ones(total, bool)
+    two_sided[piece[kept == turned]] = False
+    sign = np.where((kept == label) | ~two_sided[piece], 1, -1)
+    area = np.linalg.norm(crossed(mesh.vertices, mesh.faces), axis=1)
+    sign *= np.where(np.bincount(piece, area * sign, total) < 0, -1, 1)[piece]
+
+    closed = np.zeros(total, bool)
+    closed[piece[real]] = True
+    _, which, times = np.unique(np.stack([piece[owner], key]), axis=1, return_inverse=True, return_counts=True)
+    closed[piece[owner[times[which.reshape(-1)] != 2]]] = False
+    return Pieces(piece, sign, closed, two_sided)
+
+
+def crossed(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Normals of faces, as long as twice their area, float64 [F, 3]."""
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    return np.cross(b - a, c - a)
+
+
+def turned(faces: np.ndarray, sign: np.ndarray) -> np.ndarray:
+    """The faces [F, 3], those with sign -1 wound the other way."""
+    return np.where((sign < 0)[:, None], faces[:, ::-1], faces)
+
+
 def winding_number(mesh: Triangles, point: np.ndarray) -> float:
     """Of `mesh` about `point`, float64 [3], both in the mesh's space."""
     a, b, c = np.moveaxis(mesh.vertices[mesh.faces] - point, 1, 0)
@@ -29,3 +115,11 @@ def winding_number(mesh: Triangles, point: np.ndarray) -> float:
     above = np.einsum("fi,fi->f", a, np.cross(b, c))
     below = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb
     return float(np.arctan2(above, below).sum() / (2.0 * np.pi))
+
+
+def welded(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """The faces, int [F, 3], with one number for all vertices at one place."""
+    centred = vertices - vertices.mean(axis=0)
+    size = max(float(np.ptp(centred, axis=0).max()), 1e-300)
+    place = np.unique(np.round(centred / (SAME * size)).astype(np.int64), axis=0, return_inverse=True)[1]
+    return place.reshape(-1)[faces]

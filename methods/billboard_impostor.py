@@ -21,7 +21,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
-import mitsuba as mi
 from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection
@@ -75,5 +74,5 @@ class BillboardImpostor(Method):
         manner = bounces.Manner(self.others == "reflective", frame.doubts)
         shown = imagewise.shown(state, frame, manner, self.attenuation)
         return Reflection(
-            shown.L, shown.distance, mi.Bool(frame.active), counters=shown.counters, doubt=shown.doubt if frame.doubts else None
+            shown.L, shown.distance, shown.found, counters=shown.counters, doubt=shown.doubt if frame.doubts else None
         ), shown.state

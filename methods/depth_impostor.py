@@ -22,7 +22,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
-import mitsuba as mi
 import numpy as np
 from pydantic import Field
 
@@ -99,5 +98,5 @@ class DepthImpostor(Method):
         manner = bounces.Manner(self.others == "reflective", frame.doubts, self.split_jump, self.anchor)
         shown = imagewise.shown(state, frame, manner, self.attenuation)
         return Reflection(
-            shown.L, shown.distance, mi.Bool(frame.active), counters=shown.counters, doubt=shown.doubt if frame.doubts else None
+            shown.L, shown.distance, shown.found, counters=shown.counters, doubt=shown.doubt if frame.doubts else None
         ), shown.state

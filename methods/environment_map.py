@@ -29,7 +29,7 @@ import numpy as np
 from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection
-from benchharness.kernels import cubemap, geometry, optics, selfmet, surroundings
+from benchharness.kernels import cubemap, geometry, optics, passage, selfmet, surroundings
 from benchharness.kernels.frozen import frozen
 from benchharness.scene import Scene
 
@@ -43,7 +43,7 @@ NEAR = 1e-3  # metres; what is nearer to the reflector's centre than this is ins
 @dataclass
 class State:
     """Per reflector: `centres`, middle of its bounding box in object space, and `halves` of the box's size; the same in
-    the world, as `places` and as `boxes`, see `selfmet.away`; `maps`."""
+    the world, as `places` and as `boxes`, see `selfmet.away`; `maps`; `enclosed`: what `Scene.enclosed` says."""
 
     geometry: geometry.Geometry
     centres: list[mi.Point3f]
@@ -53,6 +53,7 @@ class State:
     maps: list[cubemap.Pyramid]
     places: list[mi.Point3f]
     boxes: list[list[mi.Vector4f]]
+    enclosed: tuple[bool, ...]
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,7 @@ class EnvironmentMap(Method):
             halves.append(mi.Vector3f(np.maximum(0.5 * np.ptp(v, axis=0), NEAR).tolist()))
         near = mi.Float(NEAR)
         dr.make_opaque(near, centres, halves)
-        return State(geometry.of_scene(scene), centres, halves, surroundings.of_scene(scene), near, [], [], [])
+        return State(geometry.of_scene(scene), centres, halves, surroundings.of_scene(scene), near, [], [], [], scene.enclosed)
 
     def update(self, state: State, frame: Frame) -> State:
         first = len(frame.poses) // 12 - len(state.centres)
@@ -113,7 +114,8 @@ class EnvironmentMap(Method):
         L, distance, doubt = _look_up(
             state.maps, state.places, state.boxes, frame.view, pixels, self.resolution, self.mip, frame.doubts
         )
-        return Reflection(L, distance, mi.Bool(frame.active), doubt=doubt if frame.doubts else None), state
+        found = frame.active & ~(passage.walled(state.enclosed, frame.reflector) & (distance == dr.inf))
+        return Reflection(L, distance, found, doubt=doubt if frame.doubts else None), state
 
 
 def _placed(poses: mi.Float, part: mi.UInt32, centre: mi.Point3f, half: mi.Vector3f) -> tuple[mi.Point3f, list[mi.Vector4f]]:

@@ -181,8 +181,8 @@ class ImageSpaceSearch(Method):
                 last, count, dr.opaque(mi.UInt32, self.max_iter), options,
                 not mirror.mesh.convex, doubted,
             )  # fmt: skip
-            picture = virtual.Picture(texels, window.view)
-            return vertexwise.Solved(images, end, report, drawing, picture, None, {"texel_reads": reads}, own=own)
+            picture, whole = virtual.Picture(texels, window.view), mirror.mesh.convex
+            return vertexwise.Solved(images, end, report, drawing, picture, None, whole, {"texel_reads": reads}, own=own)
 
         shown = vertexwise.shown(seen, frame, solve)
         if self.multi == 1:

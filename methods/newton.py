@@ -120,8 +120,8 @@ class Newton(Method):
             )  # fmt: skip
             behind = mesh.closed and not mesh.convex
             back = virtual.nearest_back(frame.proxies[i], frame.poses, part, frame.view) if behind else None
-            drawing = virtual.Drawing(self.hidden, behind=behind)
-            return vertexwise.Solved(images, end, report, drawing, newton.Shadow(mesh, pose), back, own=own)
+            drawing, whole = virtual.Drawing(self.hidden, behind=behind), mesh.convex and self.hidden == "cut"
+            return vertexwise.Solved(images, end, report, drawing, newton.Shadow(mesh, pose), back, whole, own=own)
 
         shown = vertexwise.shown(seen, frame, solve)
         if self.multi == 1:
@@ -177,7 +177,7 @@ def _solve(
     image = dr.select(reflected, optics.on_ray(V, R, view.eye), V)
     kind, region = vertexwise.kinds(reflected, hidden)
     if mesh.convex and cuts:
-        # What lies flush with a convex mirror is its own image: only triangles that leave the mirror have one to draw.
+        # What lies flush with a convex mirror is its own image, before it or in it: only triangles that leave it have one.
         kind = dr.select(sight.touches & reflected, mi.Float(virtual.HIDDEN), kind)
     images = virtual.Images(vertexwise.packets(image, kind, lane, count), vertexwise.packets(R, mi.Float(0), lane, count))
     converged = walked.converged

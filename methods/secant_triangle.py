@@ -230,8 +230,8 @@ class SecantTriangle(Method):
                 max_iter, options, doubted,
             )  # fmt: skip
             drawing = virtual.Drawing(policy, self.depth, behind)
-            hider = newton.Shadow(mirror.mesh, pose)
-            return vertexwise.Solved(images, end, report, drawing, hider, back, {"backtracks": backtracks}, own=own)
+            hider, whole = newton.Shadow(mirror.mesh, pose), mirror.mesh.convex and self.hidden != "drop"
+            return vertexwise.Solved(images, end, report, drawing, hider, back, whole, {"backtracks": backtracks}, own=own)
 
         shown = vertexwise.shown(seen, frame, solve)
         if self.multi == 1:
@@ -328,7 +328,7 @@ def _solve(
 
     kind, region = vertexwise.kinds(reflected, hidden)
     if sight is not None and mesh.convex and options.hidden == "cut":
-        # What lies flush with a convex mirror is its own image: only triangles that leave the mirror have one to draw.
+        # What lies flush with a convex mirror is its own image, before it or in it: only triangles that leave it have one.
         kind = dr.select(sight.touches & reflected, mi.Float(virtual.HIDDEN), kind)
     images = virtual.Images(
         vertexwise.packets(image, kind, lane, count), vertexwise.packets(R, mi.Float(0), lane, count), seen

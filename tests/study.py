@@ -16,7 +16,7 @@ def place(detail: str = "lean", size: float = 1.0, frames: int = 5, height: floa
     thing = Object("thing", Mesh(0.1 * CORNERS + 3, FACES), "something to see")
     mirror = Reflector("mirror", Mesh(size * CORNERS, FACES))
     camera = lambda time: Camera((0.0, -9.0, height + time), (0.0, 0.0, 0.0), 40.0)
-    return Scene("place", (thing,), (mirror,), camera, frames, detail=detail)
+    return Scene("place", (thing,), (mirror,), camera, frames, background=(1.0, 1.0, 1.0), detail=detail)
 """
 
 METHOD = '''

@@ -246,7 +246,7 @@ def outlines(scene: Scene, frame: int) -> list[np.ndarray]:
     for eye in scene.reflectors:
         mesh = eye.mesh.transformed(eye.pose(time))
         x = np.column_stack([mesh.vertices, np.ones(len(mesh.vertices))]) @ screen.T
-        assert (x[:, 2] > scene.near).all()
+        assert (x[:, 2] > scene.near_plane).all()
         picture = Image.new("1", (width, height))
         draw = ImageDraw.Draw(picture)
         for corners in (x[:, :2] / x[:, 2:])[mesh.faces]:

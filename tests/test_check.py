@@ -30,8 +30,9 @@ def test_the_template_keeps_the_contract(tmp_path):
     [
         ("L = mi.Color3f(state *", "L = mi.Color3f(dr.nan *", "fail", "not finite in"),
         ("(0.5 + 0.5 * wo.z)", "wo.z", "fail", "radiance is negative"),
-        ("dr.inf, dr.width(L)", "-1.0, dr.width(L)", "fail", "distance is NaN or not positive"),
-        ("dr.inf, dr.width(L)", "1.0, 7", "fail", "distance has 7 lanes; accepted: 6144"),
+        ("100.0, dr.width(L)", "-1.0, dr.width(L)", "fail", "distance is NaN or not positive"),
+        ("100.0, dr.width(L)", "1.0, 7", "fail", "distance has 7 lanes; accepted: 6144"),
+        ("100.0, dr.width(L)", "dr.inf, dr.width(L)", "fail", "are found at infinity, and walls enclose the mirror"),
         ("found=frame.active", "found=frame.active & False", "fail", "found: 0% of the pixels"),
         ("found=frame.active", "found=frame.active & (wo.z > 0)", "warn", "found: "),
         ("found=frame.active", "found=frame.active, doubt=frame.reflector", "fail", "doubt is Int; accepted: Bool, or None"),
@@ -55,6 +56,10 @@ def test_a_broken_clause_is_found_and_named(tmp_path, old, new, level, says):
     text = GOOD.replace(old, new).replace("@dataclass", "COUNT = []\n\n\n@dataclass", 1)
     found = findings(tmp_path, text)
     assert [f for f in found if f.level == level and says in f.text], found
+
+
+def test_what_is_checked_is_a_mirror_within_walls():
+    assert check.tiny_scene().enclosed == (True,)
 
 
 def test_a_method_that_aborts_is_a_finding(tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -70,6 +71,8 @@ def test_a_scene_may_be_a_table_of_mesh_files_beside_the_config(write, tmp_path)
     (tmp_path / "box.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     table = """[scenes.mine]
 frames = 2
+h_max = 10.0
+background = [1.0, 1.0, 1.0]
 objects = [{name = "box", mesh = "box.obj", shows = "an edge"}]
 reflectors = [{name = "sheet", mesh = "box.obj", translate = [0, 0, 1]}]
 camera = {path = [[0, -4, 1], [1, -4, 1]], target = [0, 0, 0], fov_deg = 40}
@@ -236,3 +239,9 @@ def test_a_config_that_comes_with_it_is_valid_and_says_what_it_is_about(path):
     else:
         assert config.load(path).jobs
     assert path.read_text().startswith("# ")
+
+
+def test_a_scene_in_which_nothing_shines_is_refused(write):
+    scene = config.load(write(GOOD)).jobs[0].scene.build()
+    with pytest.raises(ValueError, match=r"here: nothing shines; accepted: an object with emission"):
+        config._check_light(replace(scene, background=(0.0, 0.0, 0.0)), "here")

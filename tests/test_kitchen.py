@@ -235,7 +235,7 @@ def covered(scene: Scene, frame: int) -> float:
     width, height = 360, 256
     screen = scene.camera(scene.time(frame)).world_to_screen(width, height)
     x = np.column_stack([mesh.vertices, np.ones(len(mesh.vertices))]) @ screen.T
-    assert (x[:, 2] > scene.near).all()
+    assert (x[:, 2] > scene.near_plane).all()
     picture = Image.new("1", (width, height))
     draw = ImageDraw.Draw(picture)
     for corners in (x[:, :2] / x[:, 2:])[mesh.faces]:

@@ -103,8 +103,25 @@ def test_moving_the_world_moves_what_its_mirrors_show(moving_room):
     world = embree.build(moving_room, 0.0)
     before = np.array(embree.reflection(world, moved.frame, True)[0])[:, active]
     assert np.abs(before - expected).max() > 0.1
-    embree.move(world, moved.frame.poses)
+    world = embree.move(world, moved.frame.poses)
     np.testing.assert_allclose(np.array(embree.reflection(world, moved.frame, True)[0])[:, active], expected, atol=1e-3)
+
+
+def test_a_mirror_that_moved_is_seen_where_it_stands_with_its_normals_turned(room):
+    def turning(time: float) -> np.ndarray:
+        c, s = np.cos(10 * time), np.sin(10 * time)
+        return np.array([[c, -s, 0, 0.2 * s], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+
+    ball = room.reflectors[0]
+    oblong = replace(ball, mesh=replace(ball.mesh, vertices=ball.mesh.vertices * [1, 0.7, 1], normals=None), motion=turning)
+    frame = stage.Stage(replace(room, reflectors=(oblong,)), SIZE, FRAME).frame
+    found = embree.gbuffer(embree.move(embree.build(replace(room, reflectors=(oblong,)), 0.0), frame.poses), frame.view, frame)
+    both = np.array(frame.active) & np.array(found.active)
+    assert (np.array(frame.active) != np.array(found.active)).mean() < 0.002 and both.mean() > 0.05
+    for name, tolerance in (("p", 1e-4), ("n", 1e-3)):
+        np.testing.assert_allclose(
+            np.array(getattr(found, name))[:, both], np.array(getattr(frame, name))[:, both], atol=tolerance
+        )
 
 
 # llvmpipe

@@ -195,3 +195,27 @@ def test_a_panorama_that_is_none_is_refused_with_its_key(tmp_path):
         with pytest.raises(ValueError, match=reason) as error:
             built(tmp_path, **changes)
         assert "f.toml: mine" in str(error.value)
+
+
+def coarse_room(folder, **changes):
+    """A room of 12 triangles around a ball."""
+    walls = trimesh.creation.box((6, 6, 6))
+    walls.invert()
+    walls.export(folder / "walls.obj", include_normals=False)
+    things = [{"name": "walls", "mesh": "walls.obj", "shows": "straight edges", "emission": [1, 1, 1]}]
+    return built(folder, objects=things, camera={**CAMERA, "path": [[0, -2.5, 0]]}, **changes)
+
+
+def test_edges_of_objects_are_split_unless_the_table_says_otherwise(tmp_path):
+    # The diagonal of the box is 6 sqrt(3) m; a twenty-fifth of it 0.416 m.
+    mesh = coarse_room(tmp_path).objects[0].mesh
+    edges = mesh.vertices[mesh.faces] - mesh.vertices[np.roll(mesh.faces, 1, axis=1)]
+    assert np.linalg.norm(edges, axis=2).max() <= 6 * np.sqrt(3) / 25
+    assert len(coarse_room(tmp_path, h_max=10.0).objects[0].mesh.faces) == 12
+
+
+def test_normals_that_are_nothing_are_made_of_the_faces_around(tmp_path):
+    (tmp_path / "tent.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 0\nvn 0 0 1\nf 1//1 3//2 2//2\n")
+    things = [{"name": "tent", "mesh": "tent.obj", "shows": "one normal of nothing"}]
+    normals = built(tmp_path, objects=things, h_max=10.0).objects[0].mesh.normals
+    assert sorted(normals[:, 2].round(6).tolist()) == [-1.0, 1.0, 1.0]

@@ -293,7 +293,7 @@ def covered(scene: Scene, frame: int) -> float:
     time = scene.time(frame)
     mesh = scene.reflectors[0].mesh.transformed(scene.reflectors[0].pose(time))
     x = np.column_stack([mesh.vertices, np.ones(len(mesh.vertices))]) @ scene.camera(time).world_to_screen(180, 128).T
-    assert (x[:, 2] > scene.near).all()
+    assert (x[:, 2] > scene.near_plane).all()
     picture = Image.new("1", (180, 128))
     draw = ImageDraw.Draw(picture)
     for corners in (x[:, :2] / x[:, 2:])[mesh.faces]:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import raster
+from benchharness.kernels import depths, raster
 from benchharness.kernels.placement import unit
 
 BENT = 2.0  # pixels; `benchharness.api.Reflection.doubt`
@@ -71,7 +71,7 @@ def bands(view, f: mi.UInt32, count: int, edges: list, active: mi.Bool, unsure: 
     unsure  doubted in any case
     """
     packets, bent = dr.empty(mi.Float, 3 * 16 * count), dr.empty(mi.Bool, 6 * count)
-    doubted, depth = active & unsure, dr.maximum(2 * view.near, 1)
+    doubted, offset = active & unsure, dr.select(view.depth > 0, 0, dr.maximum(2 * view.near, 1))
     for k, (a, b, sag) in enumerate(edges):
         is_bent = active & (WIDER * sag > BENT)
         doubted |= is_bent
@@ -81,7 +81,7 @@ def bands(view, f: mi.UInt32, count: int, edges: list, active: mi.Bool, unsure: 
         across = mi.Point2f(-along.y, along.x)
         edge = 3 * f + k
         for corner, x in enumerate((a - along - across, b + along - across, b + along + across, a - along + across)):
-            q = view.eye + depth * (view.axis + x.x * view.right + x.y * view.down)
+            q = depths.on_ray(view, x.x, x.y, offset)
             dr.scatter(packets, mi.Vector4f(q.x, q.y, q.z, 0), 4 * edge + corner)
         for half in range(2):
             dr.scatter(bent, is_bent, 2 * edge + half)

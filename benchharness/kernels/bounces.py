@@ -29,6 +29,7 @@ class Cast:
     metals    as `optics.metals_of` has them
     mirrors   12 floats per mirror: rows that take a point of the world to [-1, 1] across its box; None where mirrors are among
               what their own rays meet
+    enclosed  per mirror, whether `benchharness.scene.Scene.enclosed` holds it: what ends at infinity was lost; None if none is
     """
 
     planes: billboard.Billboards
@@ -39,6 +40,7 @@ class Cast:
     backdrop: backdrop.Backdrop
     metals: mi.Float
     mirrors: mi.Float | None
+    enclosed: mi.Bool | None
 
 
 @dataclass
@@ -65,6 +67,7 @@ class Answer:
     tests     rays against quads
     work      segments of simplified rows, or texels of depth maps, looked at
     doubt     what is shown may be wrong; never, if `Manner.doubts` is False
+    found     False where the ray, or the one that goes on from it, ends at infinity and cannot
     """
 
     L: mi.Color3f
@@ -73,6 +76,7 @@ class Answer:
     tests: mi.UInt32
     work: mi.UInt32
     doubt: mi.Bool
+    found: mi.Bool
 
 
 @frozen
@@ -92,18 +96,27 @@ def reflected(cast: Cast, view, frame: list, pixel: mi.UInt32, manner: Manner) -
         met.missed = dr.minimum(met.missed, selfmet.away(p, n, d, apart.start, bends, box))
 
     L, distance, far, off = _shown(cast, manner, number, o, d, met, apart, mi.Bool(True))
+    lost = _lost(cast, number, distance, mi.Bool(True))
 
     other = dr.gather(mi.Float, cast.boards.quads, met.slot * 16 + 3, ~far)
     again = ~far & (other >= 0)
     tests, doubt = met.tests, _doubted(met, distance, far) | off
     if manner.second:
-        L2, more, further, beyond = _again(cast, manner, met, o, d, mi.UInt32(dr.maximum(other, 0)), apart, again)
+        L2, more, further, beyond, gone = _again(cast, manner, met, o, d, mi.UInt32(dr.maximum(other, 0)), apart, again)
         L, tests, work = dr.select(again, L2, L), tests + more, work + further
         doubt |= again & beyond
+        lost |= again & gone
     else:
         L = dr.select(again, 0, L)
         doubt |= again
-    return Answer(L, distance, again, tests, work, doubt if manner.doubts else mi.Bool(False))
+    return Answer(L, distance, again, tests, work, doubt if manner.doubts else mi.Bool(False), ~lost)
+
+
+def _lost(cast: Cast, mirror: mi.UInt32, distance: mi.Float, active) -> mi.Bool:
+    """Whether a ray from a mirror that ends after `distance` has slipped between pictures: infinity is behind walls."""
+    if cast.enclosed is None:
+        return mi.Bool(False)
+    return (distance == dr.inf) & dr.gather(mi.Bool, cast.enclosed, mirror, active)
 
 
 def _doubted(met: billboard.Hit, distance: mi.Float, far: mi.Bool) -> mi.Bool:
@@ -152,8 +165,9 @@ def _nearest(cast: Cast, manner: Manner, objects: bool, mirror, o, d, apart, act
 
 @dr.syntax
 def _again(cast: Cast, manner: Manner, met: billboard.Hit, o, d, mirror: mi.UInt32, apart, active):
-    """What a mirror in a picture sends back along a ray that met it; quads tested, work in depth maps, and doubt."""
-    L, tests, work, doubt = mi.Color3f(0), mi.UInt32(0), mi.UInt32(0), mi.Bool(False)
+    """What a mirror in a picture sends back along a ray that met it; quads tested, work in depth maps, doubt, and whether the
+    ray was lost."""
+    L, tests, work, doubt, lost = mi.Color3f(0), mi.UInt32(0), mi.UInt32(0), mi.Bool(False), mi.Bool(False)
     if active:  # few rays
         a, b, k = (dr.normalize(dr.gather(mi.Vector4f, cast.boards.quads, met.slot * 4 + i).xyz) for i in (1, 2, 3))
         n = met.value.x * a + met.value.y * b + met.value.z * k
@@ -165,9 +179,10 @@ def _again(cast: Cast, manner: Manner, met: billboard.Hit, o, d, mirror: mi.UInt
         L, distance, far, off = _shown(cast, manner, mirror, start, out, found, apart, mi.Bool(True))
         if dr.hint(manner.doubts, mode="scalar"):
             doubt = off | _doubted(found, distance, far) | (_third(cast, mirror, start, out) < distance)
+        lost = _lost(cast, mirror, distance, mi.Bool(True))
         L *= optics.reflectance(cast.metals, mirror, dr.clip(-dr.dot(n, d), 0, 1), mi.Bool(True))
         tests = found.tests
-    return L, tests, work, doubt
+    return L, tests, work, doubt, lost
 
 
 def _third(cast: Cast, mirror: mi.UInt32, o, d) -> mi.Float:

@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import geometry, newton, optics, placement, raster, several, vertexwise, virtual
+from benchharness.kernels import depths, geometry, newton, optics, placement, raster, several, vertexwise, virtual
 from benchharness.kernels.frozen import frozen
 
 SEEN = 4  # added to the kind of a reflection that is seen
@@ -60,10 +60,10 @@ def arranged(
     V = mi.Point3f(V.xyz)
 
     # What the mirror hides: V itself, and the mirror's point in front of it.
-    shadow, depth = newton.Shadow(mirror, pose).hides(V, view, active & last)
+    shadow, surface = newton.Shadow(mirror, pose).hides(V, view, active & last)
     shadow &= active & last
     own = dr.dot(view.w, mi.Vector4f(V.x, V.y, V.z, 1))
-    before = view.eye + (V - view.eye) * dr.select(shadow, depth / own, 1)
+    before = V + (V - view.eye) * dr.select(shadow, (surface - depths.offset(view, V)) / own, 0)
 
     def of(array):
         return dr.gather(type(array), array, lane, ~last)
@@ -115,7 +115,7 @@ def solved(
     back = virtual.nearest_back(frame.proxies[i], frame.poses, part, frame.view) if seeds.closed else None
     return vertexwise.Solved(
         made.images, None, made.reports[0], virtual.Drawing(hidden, behind=seeds.closed), newton.Shadow(mirror, pose), back,
-        {**made.counters, **(counters or {})}, made.reports[1:], made.triangles, own,
+        counters={**made.counters, **(counters or {})}, further=made.reports[1:], triangles=made.triangles, own=own,
     )  # fmt: skip
 
 

@@ -40,6 +40,8 @@ def _window(face: int, n: int, centre: mi.Point3f, near: mi.Float) -> Window:
         right=u / focal,
         down=v / focal,
         axis=forward - (middle / focal) * (u + v),
+        depth=mi.Float(0),
+        origin=centre,
         near=near,
         width=n + 2,
         height=n + 2,

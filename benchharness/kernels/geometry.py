@@ -66,17 +66,6 @@ def upload(meshes: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], shine: l
     )
 
 
-def ray_scene(vertices: np.ndarray, faces: np.ndarray):
-    """A Mitsuba scene of one mesh [V, 3], [F, 3], whose edges no ray slips through, as it does by default where it runs along
-    them."""
-    mesh = mi.Mesh("surface", len(vertices), len(faces))
-    params = mi.traverse(mesh)
-    params["vertex_positions"] = mi.Float(np.asarray(vertices, np.float32).ravel())
-    params["faces"] = mi.UInt32(np.asarray(faces, np.uint32).ravel())
-    params.update()
-    return mi.load_dict({"type": "scene", "embree_use_robust_intersections": True, "surface": mesh})
-
-
 def part_of(face: mi.Vector4u) -> mi.UInt32:
     """The number of the part that a triangle belongs to."""
     return face.w & (raster.CLOSED - 1)
@@ -149,6 +138,11 @@ def turned(points: mi.Float, normals: mi.Float, vertex_count: int, poses: mi.Flo
     n = dr.gather(mi.Vector4f, normals, lane)
     q = mi.Vector4f(n.x, n.y, n.z, 0.0)
     return _packed(mi.Vector4f(dr.dot(rows[0], q), dr.dot(rows[1], q), dr.dot(rows[2], q), 0.0), lane, vertex_count)
+
+
+def turned_of(n: mi.Vector3f, poses: mi.Float, part: mi.UInt32, active) -> mi.Vector3f:
+    """Directions of object space in world space, each with the pose of its part."""
+    return mi.Vector3f(*(dr.dot(dr.gather(mi.Vector4f, poses, part * 3 + k, active).xyz, n) for k in range(3)))
 
 
 def _pose_of(points: mi.Float, vertex_count: int, poses: mi.Float):

@@ -64,7 +64,8 @@ class Options:
 @dataclass
 class Stage:
     """The scene on the device: `triangles` as `geometry.of_scene_seen` has them, `metals` as `optics.metals_of`, per part its
-    faces and how many; `centre`: where the panorama was taken."""
+    faces and how many; `centre`: where the panorama was taken; `unit`: metres per unit of length; `enclosed`: as
+    `benchharness.scene.Scene` has it."""
 
     plan: Plan
     triangles: geometry.Geometry
@@ -72,6 +73,8 @@ class Stage:
     infinity: surroundings.Surroundings
     centre: np.ndarray
     metals: mi.Float
+    unit: float
+    enclosed: list[bool]
 
 
 @dataclass
@@ -107,7 +110,8 @@ def stage(scene, planned: Plan) -> Stage:
     triangles = geometry.of_scene_seen(scene)
     faces = [impostor.faces_of(triangles, part) for part in range(len(scene.parts))]
     centre = np.zeros(3) if scene.environment is None else np.asarray(scene.environment.centre, np.float64)
-    return Stage(planned, triangles, faces, surroundings.of_scene(scene), centre, optics.metals_of(scene))
+    metals, enclosed = optics.metals_of(scene), list(scene.enclosed)
+    return Stage(planned, triangles, faces, surroundings.of_scene(scene), centre, metals, scene.unit, enclosed)
 
 
 def nothing(planned: Plan) -> Taken:
@@ -255,6 +259,7 @@ def cast(on: Stage, taken: Taken, poses: mi.Float, options: Options, before: bou
         ),
         on.metals,
         None if any(slot.part == slot.owner(planned.objects) for slot in planned.slots) else _boxes(planned, host),
+        mi.Bool(on.enclosed) if any(on.enclosed) else None,
     )
 
 
@@ -326,7 +331,7 @@ def _walls(on: Stage, poses: np.ndarray, options: Options) -> backdrop.Walls | N
         return None
     viewpoint = _viewpoint(on.plan, Slot(ground, None), poses)
     stand = impostor.on_plane(on.plan.shapes[ground], viewpoint).moved(poses[ground])
-    numbers = (stand.centre, stand.a / stand.half[0], stand.b / stand.half[1], stand.k / options.walls, on.centre)
+    numbers = (stand.centre, stand.a / stand.half[0], stand.b / stand.half[1], stand.k * (on.unit / options.walls), on.centre)
     middle, a, b, up, centre = ([float(x) for x in v] for v in numbers)
     walls = backdrop.Walls(mi.Point3f(*middle), mi.Vector3f(*a), mi.Vector3f(*b), mi.Vector3f(*up), mi.Point3f(*centre))
     dr.make_opaque(walls)
@@ -362,6 +367,7 @@ class Shown:
     counters: dict[str, mi.UInt32]
     state: State
     doubt: mi.Bool
+    found: mi.Bool
 
 
 def shown(state: State, frame, manner: bounces.Manner, attenuation: float) -> Shown:
@@ -379,9 +385,13 @@ def shown(state: State, frame, manner: bounces.Manner, attenuation: float) -> Sh
     counters = {"pictures_taken": renewed, "spans_dropped": dr.concat(spans) if spans else mi.UInt32(0)}
     if dr.width(frame.pixels) == 0:  # no mirror in view
         empty = dr.zeros(mi.Float, dr.width(frame.active))
-        return Shown(mi.Color3f(empty), empty, counters, after, mi.Bool(False))
+        return Shown(mi.Color3f(empty), empty, counters, after, mi.Bool(False), mi.Bool(frame.active))
     answer = bounces.reflected(state.cast, frame.view, [frame.p, frame.n, frame.reflector], frame.pixels, manner)
-    L = answer.L * dr.exp(-attenuation * answer.distance) if attenuation > 0 else answer.L
-    x, y, z, distance, doubt = pixels.spread([L.x, L.y, L.z, answer.distance, answer.doubt], frame)
+    L = answer.L * dr.exp(-attenuation * state.stage.unit * answer.distance) if attenuation > 0 else answer.L
+    values = [L.x, L.y, L.z, answer.distance, answer.doubt]
+    x, y, z, distance, doubt = pixels.spread(values, frame.pixels, frame.view)
+    found = mi.Bool(frame.active)
+    if any(state.stage.enclosed):
+        found &= pixels.spread([answer.found], frame.pixels, frame.view)[0]
     counters |= {"quad_tests": answer.tests, "depth_steps": answer.work, "second_order": mi.UInt32(answer.second)}
-    return Shown(mi.Color3f(x, y, z), distance, counters, after, doubt)
+    return Shown(mi.Color3f(x, y, z), distance, counters, after, doubt, found)

@@ -154,6 +154,8 @@ def window(stand: Stand, width: int) -> Window:
         right=mi.Vector3f(*map(float, right)),
         down=mi.Vector3f(*map(float, down)),
         axis=mi.Vector3f(*map(float, forward - 0.5 * width * (right + down))),
+        depth=mi.Float(0),
+        origin=mi.Point3f(*map(float, eye)),
         near=mi.Float(0.5 * stand.near),
         width=width,
         height=width,

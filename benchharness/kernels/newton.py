@@ -23,7 +23,7 @@ import mitsuba as mi
 import numpy as np
 import trimesh
 
-from benchharness.kernels import geometry, raster
+from benchharness.kernels import depths, geometry, hierarchy, raster
 from benchharness.kernels.placement import Place, place, unit
 
 CANDIDATES = 192  # points of the mesh that a cold search chooses its start from
@@ -51,6 +51,7 @@ class Mesh:
     faces       4 integers per triangle: three vertices, and `kernels.raster.CLOSED` where its back is never seen
     candidates  triangles spread over the mesh, at whose middles a search may start
     middles     8 floats per candidate: its middle, 1 if it is a mirror on both sides, unit normal there, 0
+    centre      the middle of its bounding box
     size        of its bounding box's diagonal
     convex      whether E sees no reflection of V exactly where the mirror stands between them
     closed      whether no back of it is ever seen
@@ -61,6 +62,7 @@ class Mesh:
     faces: mi.UInt32
     candidates: mi.UInt32
     middles: mi.Float
+    centre: mi.Point3f
     size: mi.Float
     convex: bool
     closed: bool
@@ -128,16 +130,17 @@ def mesh(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, backs: bo
     tags = np.where(geometry.closed_faces(vertices, faces) | (not backs), raster.CLOSED, 0)
     quads = np.hstack([faces, tags[:, None]]).astype(np.uint32)
     size = mi.Float(float(np.linalg.norm(np.ptp(vertices, axis=0))))
+    centre = mi.Point3f(*(0.5 * (vertices.min(axis=0) + vertices.max(axis=0))).tolist())
     chosen = spread(vertices, faces, CANDIDATES)
     middle_n = normals[faces[chosen]].sum(axis=1)
     middle_n /= np.maximum(np.linalg.norm(middle_n, axis=1, keepdims=True), 1e-30)
     both = (tags[chosen] == 0)[:, None]
     middles = np.hstack([vertices[faces[chosen]].mean(axis=1), both, middle_n, 0 * both]).astype(np.float32)
     candidates = mi.UInt32(chosen.astype(np.uint32))
-    dr.make_opaque(size, candidates)
+    dr.make_opaque(size, centre, candidates)
     return Mesh(
-        geometry.ray_scene(vertices, faces), mi.Float(packed.ravel()), mi.UInt32(quads.ravel()), candidates,
-        mi.Float(middles.ravel()), size, is_convex(vertices, faces), bool((tags == raster.CLOSED).all()),
+        hierarchy.ray_scene(vertices, faces), mi.Float(packed.ravel()), mi.UInt32(quads.ravel()), candidates,
+        mi.Float(middles.ravel()), centre, size, is_convex(vertices, faces), bool((tags == raster.CLOSED).all()),
     )  # fmt: skip
 
 
@@ -237,8 +240,7 @@ def look(mirror: Mesh, where: Place, on: Where, active) -> Point:
     step = step_b.x * m.e1 + step_b.y * m.e2
     length = dr.norm(step)
     cut = dr.minimum(1, LONGEST * mirror.size * dr.rcp(dr.maximum(length, 1e-20)))
-    (x0, y0), (x1, y1) = where.pixel(m.P), where.pixel(m.P + step)
-    pixels = dr.select(usable, dr.norm(mi.Vector2f(x1 - x0, y1 - y0)), dr.inf)
+    pixels = dr.select(usable, where.step(m.P, step), dr.inf)
     front = (dr.dot(m.N, m.w_E) > 0) & (dr.dot(m.N, m.w_V) > 0)
     lands = _inside(on.b + step_b)
     return Point(mi.Point3f(m.P), mi.Normal3f(m.N), dr.norm(m.f), step_b * cut, mi.Vector3f(step * cut), pixels, lands, front)
@@ -358,11 +360,20 @@ class Sight:
     on: Where
 
 
+def sight_line(mirror: Mesh, eye: mi.Point3f, p: mi.Point3f) -> tuple[mi.Ray3f, mi.Float]:
+    """The eye's ray towards p, and how far along it p is; mirror's space. It starts at the eye, or just before it can meet the
+    mirror: from an eye far away, float32 holds no length well enough to say what is close to p."""
+    d = p - eye
+    length = dr.norm(d)
+    d *= dr.rcp(dr.maximum(length, 1e-20))
+    outside = dr.dot(mirror.centre - eye, d) > mirror.size
+    length = dr.select(outside, dr.dot(p - mirror.centre, d) + mirror.size, length)
+    return mi.Ray3f(dr.select(outside, p - length * d, eye), d), length
+
+
 def look_at(mirror: Mesh, where: Place, active) -> Sight:
     """What the eye sees in the direction of each vertex."""
-    d = where.V - where.eye
-    length = dr.norm(d)
-    ray = mi.Ray3f(where.eye, d * dr.rcp(dr.maximum(length, 1e-20)))
+    ray, length = sight_line(mirror, where.eye, where.V)
     ray.maxt = length + CLOSE * mirror.size
     hit = mirror.scene.ray_intersect_preliminary(ray, coherent=False, active=active)
     met = active & hit.is_valid()
@@ -381,12 +392,10 @@ class Shadow:
     pose: list[mi.Vector4f]
 
     def hides(self, x: mi.Point3f, view, active) -> tuple[mi.Bool, mi.Float]:
-        """Whether the mirror stands between the eye and x (world space), and its depth there; x on it is not hidden."""
+        """Whether the mirror stands between the eye and x (world space), and its depth there, from `view.depth`; x on it is not
+        hidden."""
         where = place(self.pose, x, view)
-        d = where.V - where.eye
-        length = dr.norm(d)
-        ray = mi.Ray3f(where.eye, d * dr.rcp(dr.maximum(length, 1e-20)))
+        ray, length = sight_line(self.mesh, where.eye, where.V)
         ray.maxt = length - NEAREST * self.mesh.size - ROUNDED * length
         hit = self.mesh.scene.ray_intersect_preliminary(ray, coherent=True, active=active)
-        depth = dr.dot(view.w, mi.Vector4f(x.x, x.y, x.z, 1)) * hit.t * dr.rcp(dr.maximum(length, 1e-20))
-        return hit.is_valid(), depth
+        return hit.is_valid(), depths.offset(view, x) - (length - hit.t) * dr.dot(where.w.xyz, ray.d)

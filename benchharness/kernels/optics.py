@@ -34,9 +34,7 @@ def mirrored(vertex: mi.Point3f, p: mi.Point3f, n: mi.Normal3f) -> mi.Point3f:
 
 def on_ray(vertex: mi.Point3f, p: mi.Point3f, eye: mi.Point3f) -> mi.Point3f:
     """Virtual image on the eye's ray through p, as far behind p as the vertex is away from it."""
-    to_p = p - eye
-    distance = dr.norm(to_p)
-    return eye + to_p * (1 + dr.norm(vertex - p) * dr.rcp(distance))
+    return p + dr.normalize(p - eye) * dr.norm(vertex - p)
 
 
 def fresnel_conductor(cos_theta: mi.Float, eta: mi.Color3f, k: mi.Color3f) -> mi.Color3f:

@@ -27,6 +27,15 @@ class Place:
         scale = dr.rcp(dr.maximum(dr.dot(self.w, q), 1e-6))
         return dr.dot(self.x, q) * scale, dr.dot(self.y, q) * scale
 
+    def step(self, p: mi.Point3f, d: mi.Vector3f) -> mi.Float:
+        """How many pixels p + d is from p; behind the eye, in the picture of an eye that looks the other way."""
+        q = mi.Vector4f(p.x, p.y, p.z, 1)
+        depth, along = dr.dot(self.w, q), dr.dot(self.w.xyz, d)
+        here, there = (dr.rcp(dr.select(dr.abs(w) > 1e-6, w, 1e-6)) for w in (depth, depth + along))
+        x = dr.dot(self.x.xyz, d) - dr.dot(self.x, q) * here * along
+        y = dr.dot(self.y.xyz, d) - dr.dot(self.y, q) * here * along
+        return dr.norm(mi.Vector2f(x, y)) * dr.abs(there)
+
 
 def pose_of(poses: mi.Float, part: mi.UInt32) -> list[mi.Vector4f]:
     """Rows of a part's 3 x 4 object-to-world matrix; see `benchharness.api.Frame`."""

@@ -10,7 +10,8 @@ Fill rule. A pixel centre is inside where all three edge functions are positive,
 that the two triangles at an edge see the same number with opposite signs: no holes, no double hits. Equal depths go to the
 lower number: the result does not depend on the order in which lanes run.
 
-Depth is 1/w, which is linear on the screen and keeps its relative precision at all distances.
+Depth is 1/w, which is linear on the screen and keeps its relative precision at all distances; from an eye far away, its
+difference to that of the mirrors (`kernels.depths.nearness`).
 
 Near plane. Nothing is cut: a triangle that crosses it keeps its edges in homogeneous form (Olano and Greer 1997, "Triangle
 scan conversion using 2D homogeneous coordinates"), its box is that of the part in front, and pixels in front of the plane
@@ -29,6 +30,7 @@ from typing import Literal
 import drjit as dr
 import mitsuba as mi
 
+from benchharness.kernels import depths
 from benchharness.kernels.frozen import frozen
 
 TILE_WIDTH, TILE_HEIGHT = 16, 8  # pixels: a vector of lanes across, what fits the registers down
@@ -57,7 +59,7 @@ class Edge:
 
 @dataclass
 class Setup:
-    """A triangle ready to be walked: edges, 1/w = g + gx px + gy py, the same for a second value, and its box of pixels."""
+    """A triangle ready to be walked: edges, nearness = g + gx px + gy py, a second value likewise, and its box of pixels."""
 
     edges: list[Edge]
     g: mi.Float
@@ -73,18 +75,23 @@ class Setup:
 def setup(points: mi.Float, faces: mi.UInt32, triangle: mi.UInt32, view, active, cull: str, values: mi.Float | None) -> Setup:
     """Loads, projects and prepares triangles; no columns or rows where nothing is to be drawn. See `rasterize`."""
     face = dr.gather(mi.Vector4u, faces, triangle, active)
-    h = [_homogeneous(dr.gather(mi.Vector4f, points, i, active), view) for i in (face.x, face.y, face.z)]
+    q = [dr.gather(mi.Vector4f, points, i, active) for i in (face.x, face.y, face.z)]
+    for p in q:
+        p.w = 1.0
+    h = [mi.Vector3f(dr.dot(view.x, p), dr.dot(view.y, p), dr.dot(view.w, p)) for p in q]
     front = [p.z > view.near for p in h]
     whole = front[0] & front[1] & front[2]
-    s = [[p.x * w, p.y * w, w] for p, w in ((p, dr.rcp(p.z)) for p in h)]
+    near_row = depths.row(view)
+    near = [dr.dot(near_row, p) for p in q]
+    s = [[p.x * w, p.y * w, n * w] for p, n, w in ((p, n, dr.rcp(p.z)) for p, n in zip(h, near, strict=True))]
 
-    # Orientation and the plane of 1/w, from the screen where the triangle is whole, else from homogeneous coordinates.
+    # Orientation and the plane of nearness, from the screen where the triangle is whole, else from homogeneous coordinates.
     d1x, d1y, d2x, d2y = s[1][0] - s[0][0], s[1][1] - s[0][1], s[2][0] - s[0][0], s[2][1] - s[0][1]
     area = d1x * d2y - d1y * d2x
     lines = [dr.cross(h[k], h[(k + 1) % 3]) for k in range(3)]
     size = dr.select(whole, area, dr.dot(h[2], lines[0]))
     per_size = dr.rcp(size)
-    line = (lines[0] + lines[1] + lines[2]) * per_size
+    line = (near[2] * lines[0] + near[0] * lines[1] + near[1] * lines[2]) * per_size
     g1, g2 = s[1][2] - s[0][2], s[2][2] - s[0][2]
     gx = dr.select(whole, (g1 * d2y - g2 * d1y) * per_size, line.x)
     gy = dr.select(whole, (g2 * d1x - g1 * d2x) * per_size, line.y)
@@ -117,11 +124,6 @@ def setup(points: mi.Float, faces: mi.UInt32, triangle: mi.UInt32, view, active,
         drawn &= size > 0
     edges = [_edge(h[k], h[(k + 1) % 3], s[k], s[(k + 1) % 3], front[k], front[(k + 1) % 3], size > 0) for k in range(3)]
     return Setup(edges, g, gx, gy, second, left, top, dr.select(drawn, columns, 0), dr.select(drawn, rows, 0))
-
-
-def _homogeneous(p: mi.Vector4f, view) -> mi.Vector3f:
-    p.w = 1.0
-    return mi.Vector3f(dr.dot(view.x, p), dr.dot(view.y, p), dr.dot(view.w, p))
 
 
 def _pixels(low: mi.Float, high: mi.Float, count: int) -> tuple[mi.Int32, mi.Int32]:
@@ -169,8 +171,8 @@ def rasterize(
 
     In the order in which the walk leaves them: row of the tile, then tile, then column of the tile.
 
-    limit      Float [height * width]; only what has 1/w up to this is drawn: a stencil (0 shuts a pixel) and a surface
-               behind which everything lies (its own 1/w)
+    limit      Float [height * width]; only what is as near as this or farther is drawn: a stencil (-inf shuts a pixel) and a
+               surface behind which everything lies (its own nearness)
     least      a second value, Float [vertices], linear on the screen, and Float [height * width]; only what has it at
                least that large is drawn
     drawn      Bool [face_count]; the triangles to draw; all if None
@@ -215,7 +217,7 @@ def _prepared(points, faces, face_count: int, view, drawn, cull: str, values):
 
 
 def _unpacked(packed: list, triangle: mi.UInt32) -> tuple[list[Edge], mi.Vector3f]:
-    """The edges and the plane of 1/w that `_prepared` stored."""
+    """The edges and the plane of nearness that `_prepared` stored."""
     q = [dr.gather(mi.Vector4f, packet, triangle) for packet in packed[:4]]
     owns = mi.UInt32(q[3].w)
     edges = [Edge(q[k].x, q[k].y, q[k].z, q[k].w, (owns & (1 << k)) != 0) for k in range(3)]
@@ -260,20 +262,20 @@ def _walk(packed, owner, first, following, tiles_across: int, tile_count: int, v
     px, py = mi.Float(column) + 0.5, mi.Float(top) + 0.5
     pixel = top * view.width + column
     inside = [(column < view.width) & (top + k < view.height) for k in range(TILE_HEIGHT)]
-    far = dr.rcp(view.near)
-    if dr.hint(limit is None, mode="scalar"):
-        limits = [dr.select(inside[k], far, 0) for k in range(TILE_HEIGHT)]
-    else:
-        limits = [dr.minimum(far, dr.gather(mi.Float, limit, pixel + k * view.width, inside[k])) for k in range(TILE_HEIGHT)]
-    open_ = limits[0] > 0
+    nowhere = depths.nowhere(view)
+    limits = [dr.select(inside[k], dr.rcp(view.near) + nowhere, nowhere) for k in range(TILE_HEIGHT)]
+    if dr.hint(limit is not None, mode="scalar"):
+        for k in range(TILE_HEIGHT):
+            limits[k] = dr.minimum(limits[k], dr.gather(mi.Float, limit, pixel + k * view.width, inside[k]))
+    open_ = limits[0] > nowhere
     for k in range(1, TILE_HEIGHT):
-        open_ |= limits[k] > 0
+        open_ |= limits[k] > nowhere
 
     floors = []
     if dr.hint(floor is not None, mode="scalar"):
         floors = [dr.gather(mi.Float, floor, pixel + k * view.width, inside[k]) for k in range(TILE_HEIGHT)]
 
-    nearest = [mi.Float(0) for _ in range(TILE_HEIGHT)]
+    nearest = [mi.Float(nowhere) for _ in range(TILE_HEIGHT)]
     winner = [mi.UInt32(NONE) for _ in range(TILE_HEIGHT)]
     node = dr.gather(mi.UInt32, first, tile * HEAD_SPACING)
     while dr.hint((node != NONE) & open_, label="walk the triangles of a tile"):
@@ -313,19 +315,28 @@ def winner_at(visibility: mi.UInt32, view, lane: mi.UInt32, active) -> mi.UInt32
 
 def ray_through(view, lane: mi.UInt32) -> mi.Vector3f:
     """Unnormalised direction through the centre of pixel `lane`; its length along the view axis is 1."""
+    return view.axis + _aside(view, lane)
+
+
+def _aside(view, lane: mi.UInt32) -> mi.Vector3f:
+    """By how much the ray through pixel `lane` turns from `view.axis`."""
     row = lane // view.width
     column = lane - row * view.width
-    return view.axis + (mi.Float(column) + 0.5) * view.right + (mi.Float(row) + 0.5) * view.down
+    return (mi.Float(column) + 0.5) * view.right + (mi.Float(row) + 0.5) * view.down
 
 
-def barycentric(a: mi.Vector3f, b: mi.Vector3f, c: mi.Vector3f, d: mi.Vector3f) -> mi.Vector3f:
-    """Weights of the corners where the ray from the origin along d meets the triangle a, b, c; not negative, sum 1.
+def barycentric(a: mi.Point3f, b: mi.Point3f, c: mi.Point3f, o: mi.Point3f, d: mi.Vector3f) -> mi.Vector3f:
+    """Weights of the corners where the line through o along d meets the triangle a, b, c; not negative, sum 1.
 
-    Perspective-correct by construction: each weight is the volume that the ray spans with the opposite edge. For a ray
-    that misses by rounding, the weights are those of a point on the triangle's edge; without a volume, all are equal.
+    As precise as o is near the triangle: each weight is a volume of the line with edges (Moeller and Trumbore 1997), which are
+    small where the triangle is, and not with corners as seen from an eye far away. For a line that misses by rounding, the
+    weights are those of a point on the triangle's edge; without a volume, all are equal.
     """
-    weights = mi.Vector3f(dr.dot(d, dr.cross(b, c)), dr.dot(d, dr.cross(c, a)), dr.dot(d, dr.cross(a, b)))
-    weights = dr.maximum(weights * dr.sign(weights.x + weights.y + weights.z), 0)
+    ab, ac, ao = b - a, c - a, o - a
+    across = dr.cross(d, ac)
+    volume = dr.dot(ab, across)
+    of_b, of_c = dr.dot(ao, across), dr.dot(d, dr.cross(ao, ab))
+    weights = dr.maximum(mi.Vector3f(volume - of_b - of_c, of_b, of_c) * dr.sign(volume), 0)
     total = weights.x + weights.y + weights.z
     return dr.select(total > 0, weights * dr.rcp(dr.select(total > 0, total, 1)), 1 / 3)
 
@@ -345,9 +356,10 @@ def interpolate(values: mi.Float, face: mi.Vector4u, weights: mi.Vector3f, activ
 def met(points: mi.Float, faces: mi.UInt32, triangle: mi.UInt32, view, lane: mi.UInt32):
     """Where the ray through pixel `lane` meets a triangle: packet of the triangle, perspective-correct weights, the point."""
     face, corner = corners(points, faces, triangle, mi.Bool(True))
-    a, b, c = (mi.Vector3f(q.x, q.y, q.z) - view.eye for q in corner)
-    weights = barycentric(a, b, c, ray_through(view, lane))
-    return face, weights, view.eye + weights.x * a + weights.y * b + weights.z * c
+    a, b, c = (mi.Point3f(q.x, q.y, q.z) for q in corner)
+    aside = _aside(view, lane)
+    weights = barycentric(a, b, c, view.origin + view.depth * aside, view.axis + aside)
+    return face, weights, weights.x * a + weights.y * b + weights.z * c
 
 
 def seen(points: mi.Float, faces: mi.UInt32, visibility: mi.UInt32, view, lane: mi.UInt32, active: mi.Bool | bool = True):

@@ -4,9 +4,9 @@ A reflector is rendered from the eye into a texture of first points and normals.
 eye E is where the half vector B of the directions to E and V is the normal N; the search climbs the agreement of B and N
 from texel to neighbouring texel until no neighbour agrees better.
 
-Texture: 4 floats per texel, row major: depth along the view axis (0 where the reflector is not) and unit normal. The
-point is where the texel's own ray has that depth, so that one packet of 16 bytes holds what the paper keeps in two
-textures. `view` is the camera of the texture.
+Texture: 4 floats per texel, row major: depth along the view axis, from `view.depth` (`kernels.depths`), and unit normal; zeros
+where the reflector is not. The point is where the texel's own ray has that depth, so that one packet of 16 bytes holds what the
+paper keeps in two textures. `view` is the camera of the texture.
 
 Where we differ from the paper: the eight neighbours may be taken at a stride that halves from level to level, which is
 the same as climbing a pyramid of every second, fourth, ... texel, and takes a cold search from hundreds of steps to tens.
@@ -21,7 +21,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import optics, raster
+from benchharness.kernels import depths, optics, raster
 from benchharness.kernels.frozen import frozen
 
 CROSS = ((0, 1), (0, -1), (1, 0), (-1, 0))
@@ -74,7 +74,7 @@ def _texels(points, normals, faces, visibility, view) -> mi.Float:
         # A sheet is a mirror on both sides: seen from behind, it has the normals of that side.
         a, b, c = (corner.xyz for corner in raster.corners(points, faces, triangle, mi.Bool(True))[1])
         n = dr.select(dr.dot(dr.cross(b - a, c - a), view.eye - a) < 0, -n, n)
-        value = mi.Vector4f(dr.dot(view.w, mi.Vector4f(q.x, q.y, q.z, 1.0)), n.x, n.y, n.z)
+        value = mi.Vector4f(depths.offset(view, q), n.x, n.y, n.z)
     texels = dr.empty(mi.Float, 4 * view.width * view.height)
     dr.scatter(texels, value, texel)
     return texels
@@ -114,7 +114,8 @@ def window(view, box: tuple[int, int, int, int], widening: float) -> Window:
     left, width, column = _span(box[0], box[2], view.width, widening)
     top, height, row = _span(box[1], box[3], view.height, widening)
     first = dr.opaque(mi.Int32, left), dr.opaque(mi.Int32, top)
-    return Window(_cropped(view, *first, width, height), *first, dr.opaque(mi.Int32, column), dr.opaque(mi.Int32, row))
+    seen = depths.moved(view, *first, width, height)
+    return Window(seen, *first, dr.opaque(mi.Int32, column), dr.opaque(mi.Int32, row))
 
 
 def _span(low: int, high: int, size: int, widening: float) -> tuple[int, int, int]:
@@ -126,19 +127,6 @@ def _span(low: int, high: int, size: int, widening: float) -> tuple[int, int, in
     return first, count, min(max((low + high) // 2 - first, 0), count - 1)
 
 
-@frozen
-def _cropped(view, left: mi.Int32, top: mi.Int32, width: int, height: int):
-    across, down = mi.Float(left), mi.Float(top)
-    return dataclasses.replace(
-        view,
-        x=view.x - across * view.w,
-        y=view.y - down * view.w,
-        axis=view.axis + across * view.right + down * view.down,
-        width=width,
-        height=height,
-    )
-
-
 def middle(texels, where: Window) -> tuple[mi.Int32, mi.Int32]:
     """Where a cold search starts: the covered texel nearest to the centre of the reflector's box on the screen.
 
@@ -146,7 +134,7 @@ def middle(texels, where: Window) -> tuple[mi.Int32, mi.Int32]:
     """
     width = where.view.width
     texel = dr.arange(mi.UInt32, width * where.view.height)
-    covered = dr.gather(mi.Float, texels, 4 * texel) > 0
+    covered = _covered(dr.gather(mi.Vector4f, texels, texel))
     column, row = mi.Int32(texel % width), mi.Int32(texel // width)
     distance = mi.UInt32(dr.square(column - where.centre_column) + dr.square(row - where.centre_row))
     key = dr.select(covered, (mi.UInt64(distance) << 32) | mi.UInt64(texel), 0x7FFF_FFFF_0000_0000)
@@ -168,8 +156,18 @@ def fetch(texels: mi.Float, view, column: mi.Int32, row: mi.Int32, active=True):
     """(covered, point, normal) of a texel; outside the picture nothing is covered."""
     inside = (column >= 0) & (row >= 0) & (column < view.width) & (row < view.height) & active
     t = dr.gather(mi.Vector4f, texels, mi.UInt32(row * view.width + column), inside)
-    direction = view.axis + (mi.Float(column) + 0.5) * view.right + (mi.Float(row) + 0.5) * view.down
-    return inside & (t.x > 0), view.eye + t.x * direction, mi.Normal3f(t.y, t.z, t.w)
+    p = depths.on_ray(view, mi.Float(column) + 0.5, mi.Float(row) + 0.5, t.x)
+    return inside & _covered(t), p, mi.Normal3f(t.y, t.z, t.w)
+
+
+def surface(texels: mi.Float, view, column: mi.Int32, row: mi.Int32, active) -> tuple[mi.Bool, mi.Float]:
+    """Whether a texel within the picture is covered, and its depth, from `view.depth`."""
+    t = dr.gather(mi.Vector4f, texels, mi.UInt32(row * view.width + column), active)
+    return active & _covered(t), t.x
+
+
+def _covered(texel: mi.Vector4f) -> mi.Bool:
+    return dr.squared_norm(texel.yzw) > 0
 
 
 def mismatch(p: mi.Point3f, n: mi.Normal3f, eye: mi.Point3f, vertex: mi.Point3f) -> tuple[mi.Vector3f, mi.Bool]:
@@ -287,9 +285,8 @@ def least_squares(f: mi.Vector3f, a: mi.Vector3f, b: mi.Vector3f) -> tuple[mi.Fl
 def between(view, p, n, p_column, p_row, n_column, n_row, column, row, x, y) -> tuple[mi.Point3f, mi.Normal3f]:
     """The point on the eye's ray through (column + x, row + y) and its unit normal, from a texel's and their rates."""
     q = p + x * p_column + y * p_row
-    depth = dr.dot(view.w, mi.Vector4f(q.x, q.y, q.z, 1.0))
-    direction = view.axis + (mi.Float(column) + x + 0.5) * view.right + (mi.Float(row) + y + 0.5) * view.down
-    return view.eye + depth * direction, mi.Normal3f(dr.normalize(mi.Vector3f(n) + x * n_column + y * n_row))
+    on_ray = depths.on_ray(view, mi.Float(column) + x + 0.5, mi.Float(row) + y + 0.5, depths.offset(view, q))
+    return on_ray, mi.Normal3f(dr.normalize(mi.Vector3f(n) + x * n_column + y * n_row))
 
 
 @dataclasses.dataclass

@@ -233,8 +233,8 @@ def finish(ends: Ends, starts: Starts, mirror: newton.Mesh, pose: list, view, co
     reflected = starts.active & ends.reflected & in_view
     on = ends.on
     if on is None:
-        d = ends.R - where.eye
-        hit = mirror.scene.ray_intersect_preliminary(mi.Ray3f(where.eye, unit(d)), coherent=False, active=reflected)
+        ray, _ = newton.sight_line(mirror, where.eye, ends.R)
+        hit = mirror.scene.ray_intersect_preliminary(ray, coherent=False, active=reflected)
         met = reflected & hit.is_valid()
         on = newton.Where(dr.select(met, hit.prim_index, 0), mi.Point2f(dr.select(met, hit.prim_uv, 0)))
     kind = newton.kind(mirror, where, on, reflected)

@@ -13,7 +13,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import geometry, optics, search, surroundings, virtual
+from benchharness.kernels import geometry, optics, passage, search, surroundings, virtual
 from benchharness.kernels.frozen import frozen
 
 UNKNOWN, REFLECTED, UNREFLECTED, HIDDEN = range(4)  # benchharness.api.Vertices.region
@@ -25,14 +25,18 @@ class Scenery:
 
     triangles     the scene in object space; attributes: radiance, black for reflectors
     world         the scene in world space
-    surroundings  what is at infinity, None for a scene without
+    surroundings  what is at infinity; None where no mirror can show it, or where it is dark
     objects       how many parts are objects; reflectors come after them
+    enclosed      per reflector, `benchharness.scene.Scene.enclosed`
+    boxes         that hold all parts; None without surroundings
     """
 
     triangles: geometry.Geometry
     world: geometry.Geometry
     surroundings: surroundings.Surroundings | None
     objects: int
+    enclosed: tuple[bool, ...]
+    boxes: passage.Boxes | None
 
     def parts_shown(self, others: str) -> mi.UInt32:
         """Parts from this number on are left out: other mirrors are shown "black" or "omitted"."""
@@ -50,6 +54,8 @@ class Solved:
 
     With several reflections per vertex (`kernels.branches`):
 
+    whole      what no triangle covers is nothing that is reflected, as long as every vertex of an object is reflected or
+               hidden: the mirror is convex, and no triangle is dropped
     further    the same fields as `report`, of the second reflection and so on
     triangles  what the images are of, None for the scene itself
     own        what is asked where the mirror meets itself, None for what does not ask
@@ -61,6 +67,7 @@ class Solved:
     drawing: virtual.Drawing
     hider: Any = None
     back: mi.Float | None = None
+    whole: bool = False
     counters: dict[str, mi.UInt32] = field(default_factory=dict)
     further: list[dict[str, Any]] = field(default_factory=list)
     triangles: geometry.Geometry | None = None
@@ -71,7 +78,9 @@ def scenery(scene) -> Scenery:
     """What a `benchharness.scene.Scene` shows, uploaded."""
     triangles = geometry.of_scene(scene)
     any_light = scene.environment is not None or max(scene.background) > 0
-    return Scenery(triangles, triangles, surroundings.of_scene(scene) if any_light else None, len(scene.objects))
+    around = surroundings.of_scene(scene) if any_light and not all(scene.enclosed) else None
+    boxes = None if around is None else passage.of_scene(scene)
+    return Scenery(triangles, triangles, around, len(scene.objects), scene.enclosed, boxes)
 
 
 def posed(seen: Scenery, frame) -> Scenery:
@@ -123,10 +132,12 @@ def shown(seen: Scenery, frame, solve: Callable[[int, mi.UInt32], Solved]) -> Sh
             if one.own.black:
                 L, distance, found = dr.select(met, 0, L), dr.select(met, t, distance), found | met
     if seen.surroundings is not None:
-        # What no triangle covers is the surroundings if the scene has any, else unanswered.
-        sky = frame.active & ~found
+        # What no triangle covers is the surroundings where a ray can come from there, else unanswered.
+        sky = frame.active & ~found & ~passage.walled(seen.enclosed, frame.reflector)
         far = _reflected(seen.surroundings, frame.v, frame.n, sky)
-        L, distance, found = dr.select(sky, far, L), dr.select(sky, dr.inf, distance), mi.Bool(frame.active)
+        L, distance, found = dr.select(sky, far, L), dr.select(sky, dr.inf, distance), found | sky
+        if doubt is not None:
+            doubt |= _may_be_lost(seen, frame, solved, sky)
     report = {name: _joined([one.report[name] for one in solved]) for name in solved[0].report}
     most = max(len(one.further) for one in solved)
     further = [{name: _joined([_place(one, k)[name] for one in solved]) for name in report} for k in range(most)]
@@ -134,6 +145,18 @@ def shown(seen: Scenery, frame, solve: Callable[[int, mi.UInt32], Solved]) -> Sh
     counters = {name: _joined([_counted(one, name) for one in solved]) for name in names}
     ends = [one.end for one in solved]
     return Shown(L, distance, found, doubt, report, {"iterations": report["iterations"], **counters}, ends, further)
+
+
+def _may_be_lost(seen: Scenery, frame, solved: list[Solved], sky: mi.Bool) -> mi.Bool:
+    """Where nothing is drawn, and a triangle may be missing: one that has no image, and is in the way of the reflected ray."""
+    assert seen.boxes is not None
+    part = dr.gather(mi.Float, seen.world.points, 4 * dr.arange(mi.UInt32, seen.world.vertex_count) + 3)
+    asked = mi.Bool(False)
+    for i, one in enumerate(solved):
+        unknown = (one.report["region"] == UNKNOWN) & (part < seen.objects)
+        asked |= (frame.reflector == i) & (dr.any(unknown) if one.whole else mi.Bool(True))
+    own = mi.UInt32(dr.maximum(frame.reflector, 0)) + seen.objects
+    return passage.meets(seen.boxes, frame.poses, own, frame.p, optics.reflect(frame.v, frame.n), sky & asked)
 
 
 def _place(one: Solved, k: int) -> dict[str, Any]:

@@ -20,14 +20,15 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import bent, geometry, raster, search
+from benchharness.kernels import bent, depths, geometry, raster, search
 from benchharness.kernels.frozen import frozen
 
 NONE, REFLECTED, HIDDEN = 0, 1, 2
 HALVINGS = 10  # of an edge, at most, to find where it enters the hidden region: a thousandth of its length, and
 PRECISION = 0.25  # pixels that it is seen long at most
 BEHIND = 2.0  # pixels, seen from the side: what is hidden deeper than this behind the mirror does not go into it
-CONTACT = 1e-3  # share of the mirror's depth by which an image may lie in front of it: what touches a mirror is at its depth
+CONTACT = 1e-3  # share of the mirror's depth, but of no more than
+AT_MOST = 8.0  # units, by which an image may lie in front of it: what touches a mirror is at its depth
 
 
 @dataclass
@@ -62,9 +63,12 @@ class Drawing:
 
 def sorted_by_length(R: mi.Point3f, d_V: mi.Float, d_max: mi.Float, view) -> mi.Point3f:
     """Where to draw a vertex in "screen_linear": on the eye's ray through R, in front of all that is reflected from farther."""
-    depth = dr.rcp(dr.maximum(1 - d_V / d_max, 1e-4))
+    share = dr.minimum(d_V / d_max, 1 - 1e-4)
     direction = (R - view.eye) * dr.rcp(dr.dot(view.w, mi.Vector4f(R.x, R.y, R.z, 1)))
-    return mi.Point3f(view.eye + depth * direction)
+    # From an eye far away: 1 / depth = (1 - share / view.depth) / view.depth, all within about a unit.
+    scale = dr.maximum(view.depth, 1)
+    there = share / (1 - share / scale) + (scale - view.depth)
+    return mi.Point3f(R + (there - depths.offset(view, R)) * direction)
 
 
 @dataclass
@@ -75,10 +79,11 @@ class Picture:
     view: Any
 
     def hides(self, x: mi.Point3f, view, active) -> tuple[mi.Bool, mi.Float]:
-        """Whether the mirror stands between the eye and x, and its depth there. `view` is the frame's, not the texture's."""
+        """Whether the mirror stands between the eye and x, and its depth there, from `view.depth`. `view` is the frame's, not
+        the texture's."""
         column, row, seen = search.texel_of(self.view, x)
-        surface = dr.gather(mi.Vector4f, self.texels, mi.UInt32(row * self.view.width + column), seen & active).x
-        return seen & (surface > 0) & (dr.dot(view.w, mi.Vector4f(x.x, x.y, x.z, 1)) > surface), surface
+        covered, surface = search.surface(self.texels, self.view, column, row, seen & active)
+        return covered & (depths.offset(view, x) > surface), surface
 
 
 def draw(
@@ -92,7 +97,7 @@ def draw(
     p                 the mirror's point at each pixel
     reflector, layer  number of the mirror at each pixel; this mirror's
     hider             what is asked whether the mirror hides a point, such as `Picture`; needed for "cut"
-    back              1 / depth of the mirror's nearest back at each pixel, 0 for none (`nearest_back`); needed for `behind`
+    back              nearness of the mirror's nearest back at each pixel (`nearest_back`); needed for `behind`
     """
     packets, shown, drawn, limit, inverse, bands = _assembled(
         images, triangles, part, view, p, reflector, layer, hider, drawing
@@ -100,29 +105,29 @@ def draw(
     least = None if inverse is None else (inverse, back)
     visibility = raster.rasterize(packets, shown.faces, shown.face_count, view, limit=limit, least=least, drawn=drawn)
     spans = images.at if drawing.depth == "screen_linear" else packets
-    hazy = None if bands is None else bent.covered(bands, view, dr.select(reflector == layer, mi.Float(dr.inf), 0))
+    hazy = None if bands is None else bent.covered(bands, view, dr.select(reflector == layer, mi.Float(dr.inf), -dr.inf))
     return _shown(packets, spans, shown, visibility, view, p, reflector, layer, bands, hazy, drawing.depth)
 
 
 def nearest_back(surface, poses: mi.Float, part: mi.UInt32, view) -> mi.Float:
-    """1 / depth of the nearest triangle of a mirror that turns its back to the eye, one lane per pixel; 0 for none.
+    """`depths.nearness` of the nearest triangle of a mirror that turns its back to the eye, or `depths.nowhere`, one lane per
+    pixel.
 
     surface   a `benchharness.api.Surface`, part number `part`
     """
     points, _ = search.posed(surface, poses, part)
     visibility = raster.rasterize(points, surface.faces, surface.face_count, view, cull="front")
-    return _inverse_depth(points, surface.faces, visibility, view)
+    return _nearness_at(points, surface.faces, visibility, view)
 
 
 @frozen
 @dr.syntax
-def _inverse_depth(points, faces, visibility, view):
+def _nearness_at(points, faces, visibility, view):
     pixel = dr.arange(mi.UInt32, view.width * view.height)
     triangle = raster.winner_at(visibility, view, pixel, mi.Bool(True))
-    value = mi.Float(0)
+    value = mi.Float(depths.nowhere(view))
     if triangle != raster.NONE:
-        q = raster.met(points, faces, triangle, view, pixel)[2]
-        value = dr.rcp(dr.dot(view.w, mi.Vector4f(q.x, q.y, q.z, 1)))
+        value = depths.nearness(view, depths.offset(view, raster.met(points, faces, triangle, view, pixel)[2]))
     return value
 
 
@@ -143,7 +148,7 @@ def _shown(
         if dr.hint(depth == "screen_linear", mode="scalar"):
             distance = dr.norm(raster.interpolate(triangles.points, face, weights, mi.Bool(True)).xyz - p)
         else:
-            distance = dr.maximum(dr.norm(q - view.eye) - dr.norm(p - view.eye), 0)
+            distance = dr.maximum(dr.dot(q - p, dr.normalize(p - view.eye)), 0)
     doubt = mi.Bool(False)
     if bands is not None:
         # A triangle that was cut is in two slots.
@@ -155,7 +160,7 @@ def _shown(
 @frozen
 def _assembled(images: Images, triangles: geometry.Geometry, part, view, p, reflector, layer, hider, drawing: Drawing):
     """Virtual vertices, the triangles with what they are images of, which to draw, how near a pixel lets them come, where
-    what is behind is left out 1 / depth of the vertices' reflection points, and where doubt is asked for, `bent.Bands`.
+    what is behind is left out the nearness of the vertices' reflection points, and where doubt is asked for, `bent.Bands`.
 
     With "cut", two slots per triangle: one may become two. The vertices of the scene come first, then two per triangle f,
     number f and f + face_count of the rest: where it was cut.
@@ -179,9 +184,10 @@ def _assembled(images: Images, triangles: geometry.Geometry, part, view, p, refl
     inverse = None
     if drawing.behind:
         R = dr.gather(mi.Vector4f, images.at, dr.arange(mi.UInt32, vertex_count))
-        inverse = dr.rcp(dr.maximum(dr.dot(view.w, mi.Vector4f(R.x, R.y, R.z, 1)), 1e-12))
-    nearest = dr.rcp(dr.dot(view.w, mi.Vector4f(p.x, p.y, p.z, 1)) * (1 - CONTACT))
-    limit = dr.select(reflector == layer, mi.Float(dr.inf) if drawing.depth == "screen_linear" else nearest, 0)
+        inverse = depths.nearness(view, dr.maximum(depths.offset(view, R.xyz), 1e-12 - view.depth))
+    there = depths.offset(view, p)
+    nearest = depths.nearness(view, there - CONTACT * dr.minimum(view.depth + there, AT_MOST))
+    limit = dr.select(reflector == layer, mi.Float(dr.inf) if drawing.depth == "screen_linear" else nearest, -dr.inf)
     if drawing.hidden != "cut":
         bands = None if images.sure is None else _bands(images, view, f, count, face, kinds, shown, None)
         return images.moved, triangles, shown, limit, inverse, bands
@@ -198,13 +204,13 @@ def _assembled(images: Images, triangles: geometry.Geometry, part, view, p, refl
     carried = [triangles.attributes]
     if shine is not None:
         carried += [triangles.points, shine.normals, shine.visibility]
-    one, one_depth = _cut(triangles.points, carried, i[0], dr.select(pair, i[2], i[1]), hider, view, mixed)
-    two, two_depth = _cut(triangles.points, carried, dr.select(pair, i[1], i[0]), i[2], hider, view, mixed)
+    one, one_offset = _cut(triangles.points, carried, i[0], dr.select(pair, i[2], i[1]), hider, view, mixed)
+    two, two_offset = _cut(triangles.points, carried, dr.select(pair, i[1], i[0]), i[2], hider, view, mixed)
     first = mi.Vector4u(i[0], dr.select(pair, i[1], vertex_count + f), vertex_count + count + f, face.w)
     second = mi.Vector4u(i[0], vertex_count + count + f, vertex_count + f, face.w)
     slots = [_packed(value, f, count) for value in (dr.select(mixed, first, face), second)]
     ends = [[_packed(value, f, count) for value in end] for end in (one, two)]
-    on_mirror = [dr.rcp(one_depth), dr.rcp(two_depth)] if drawing.behind else []
+    on_mirror = [depths.nearness(view, offset) for offset in (one_offset, two_offset)] if drawing.behind else []
     extra = mixed & pair
     dr.eval(slots, ends, on_mirror, shown, extra)  # one kernel, before the parts are put together
     all_ = [images.moved, *carried]
@@ -267,10 +273,10 @@ def _turned(values, turn: mi.UInt32 | mi.Int32) -> list:
 @dr.syntax
 def _cut(points, carried: list, inner, outer, hider, view, active):
     """Where the edge inner -> outer enters the hidden region, just behind the border: packets of position and of `carried`,
-    and the depth of the mirror there."""
+    and the depth of the mirror there, from `view.depth`."""
     a, b = dr.gather(mi.Vector4f, points, inner, active), dr.gather(mi.Vector4f, points, outer, active)
     low, high = mi.Float(0), mi.Float(1)
-    step, met = mi.UInt32(0), mi.Float(0)
+    step, met, surface_offset = mi.UInt32(0), mi.Bool(False), mi.Float(0)
     length = dr.norm(_pixel(view, a) - _pixel(view, b))
     while dr.hint(
         active & (step < HALVINGS) & ((high - low) * length > PRECISION), label="find where an edge enters the hidden region"
@@ -279,19 +285,20 @@ def _cut(points, carried: list, inner, outer, hider, view, active):
         x = dr.lerp(a, b, middle)
         behind, surface = hider.hides(mi.Point3f(x.x, x.y, x.z), view, active)
         low, high = dr.select(behind, low, middle), dr.select(behind, middle, high)
-        met = dr.select(behind, surface, met)
+        met |= behind
+        surface_offset = dr.select(behind, surface, surface_offset)
         step += 1
     # On the mirror's outline, where the edge goes behind it, end a pixel before: the outline is round, and what is drawn
     # between two ends is straight. Where the edge goes into the mirror, end there.
     x = dr.lerp(a, b, high)
-    own = dr.dot(view.w, mi.Vector4f(x.x, x.y, x.z, 1))
-    depth = dr.select(met > 0, met, own)
+    own = depths.offset(view, x.xyz)
+    surface_offset = dr.select(met, surface_offset, own)
     focal = dr.rcp(dr.norm(view.right))
-    far_behind = (own - depth) * focal > BEHIND * own
+    far_behind = (own - surface_offset) * focal > BEHIND * (view.depth + own)
     high -= dr.select(far_behind, dr.minimum(dr.rcp(dr.maximum(length, 1e-6)), 0.5 * high), 0)
     x = dr.lerp(a, b, high)
     there = [dr.lerp(*(dr.gather(mi.Vector4f, packets, i, active) for i in (inner, outer)), high) for packets in carried]
-    return [mi.Vector4f(x.x, x.y, x.z, HIDDEN), *there], depth
+    return [mi.Vector4f(x.x, x.y, x.z, HIDDEN), *there], surface_offset
 
 
 def _pixel(view, p: mi.Vector4f) -> mi.Point2f:

@@ -18,6 +18,8 @@ class Window:
     right: mi.Vector3f
     down: mi.Vector3f
     axis: mi.Vector3f
+    depth: mi.Float
+    origin: mi.Point3f
     near: mi.Float
     width: int
     height: int

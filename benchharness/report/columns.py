@@ -59,6 +59,15 @@ flip_second | FLIP second |  | less
     Empty where there are none, and against a reference of one bounce, which shows such mirrors black.
 second_px | second | px | less
     Those pixels, over all frames: a fact about the scene, the same for every method.
+reference_px | mirrors' pixels | px | more
+    Pixels whose first hit is a mirror in the reference; in the frame, as the methods see it, it is `reflector_px`.
+mask_diff_px | mask differs | px | less
+    Pixels that are a mirror's in only one of the two. More than a few along the edges mean that the two do not show the
+    same thing; then nothing is ranked.
+dark_px | dark | px | less
+    Pixels of the mirrors in which the reference is black: no error can be seen there.
+back_px | backs | px | less
+    Pixels of the mirrors that show the back of an object, which has the light of its front.
 frames_ok | frames ok |  | more
     Frames with status ok, of those that were asked for. Times are medians and errors are means over these alone.
 """
@@ -91,7 +100,7 @@ COLUMNS = _columns(TEXT)
 STATUSES = {
     "ok": "a picture and numbers",
     "refused": "the method says that it cannot serve this scene",
-    "invalid": "the picture has pixels that are not finite",
+    "invalid": "the picture has pixels that are not finite, or there is nothing that it could be judged by",
     "timeout": "it did not end in time",
     "crashed": "it raised an error or ended its process",
 }

@@ -21,7 +21,7 @@ from benchharness.report.points import BUDGETS_MS, Look, Point, SceneView, looks
 TABLE = (
     "frame_ms shade_ms update_ms prepare_ms kernel_ms first_ms flip flip_p95 rmse relmse coverage nonfinite_px "
     "distance_err residual_px residual_px_max converged_ratio wrong_ratio iterations_mean iterations_max temporal_diff "
-    "jitter_px flip_second second_px"
+    "jitter_px flip_second second_px mask_diff_px dark_px back_px"
 ).split()
 """Columns of a scene's table, in this order; those that no method of the scene has are left out."""
 

@@ -86,7 +86,7 @@ def _hits(stage: Stage, shown: relief.Reliefs) -> np.ndarray:
     o, d = rays(frame, frame.pixels)
     mirror = mi.UInt32(dr.gather(mi.Int32, frame.reflector, frame.pixels))
     met = relief.nearest(shown, shown.objects, mirror, o, d, mi.Float(dr.inf), 0.0, "mid", mi.Bool(True))
-    (hits,) = pixels.spread([mi.Float(dr.select(met.t < dr.inf, 1, 0))], frame)
+    (hits,) = pixels.spread([mi.Float(dr.select(met.t < dr.inf, 1, 0))], frame.pixels, frame.view)
     return np.array(hits).reshape(stage.size[::-1]) > 0
 
 

@@ -1,9 +1,10 @@
 """Embree through Mitsuba as a rival: primary rays, the reflection of what they met, and whole frames of one bounce.
 
-The same triangles, camera and baked light as the harness's own frames, in one mesh, so that no ray pays for choosing
-between shapes. Everything is recorded once and replayed (`dr.freeze`), as the harness's own kernels are. `coherent` is
-Mitsuba's hint that neighbouring rays take similar ways, which Embree answers with packets; off is what `ray_intersect`
-does when called without it.
+The same triangles, camera and baked light as the harness's own frames, in the hierarchies that `ray_traced` has
+(`benchharness.kernels.hierarchy`), so that no ray pays for choosing between shapes and nothing that stands still is built
+twice. Everything is recorded once and replayed, as the harness's own kernels are. `coherent` is Mitsuba's hint that
+neighbouring rays take similar ways, which Embree answers with packets; off is what `ray_intersect` does when called without
+it. No highlights.
 """
 
 # pyright: reportArgumentType=false, reportOperatorIssue=false
@@ -20,7 +21,8 @@ import numpy as np
 
 from benchharness.api import Frame, View
 from benchharness.frame import opaque
-from benchharness.kernels import geometry, optics, raster, surroundings
+from benchharness.kernels import geometry, hierarchy, optics, raster, surroundings
+from benchharness.kernels.frozen import frozen
 from benchharness.scene import Scene
 
 RAY_EPSILON = 1e-4  # start of a reflected ray above the surface, relative to the size of its coordinates
@@ -30,15 +32,16 @@ RAY_EPSILON = 1e-4  # start of a reflected ray above the surface, relative to th
 class World:
     """A scene at one moment, for rays.
 
-    plain, smooth  Mitsuba scenes of one mesh, without and with vertex normals
-    triangles      object space; radiance of what is lit, black for mirrors
-    attributes     4 floats per vertex: radiance of what is lit, world-space normal of mirrors
-    objects        parts from this number on are mirrors
+    hierarchies  what rays meet
+    smooth       Mitsuba scene of one mesh with vertex normals, as at the time that it was built for
+    radiance     4 floats per vertex: of what is lit, black for mirrors
+    attributes   4 floats per vertex: radiance of what is lit, normal of mirrors in object space
+    objects      parts from this number on are mirrors
     """
 
-    plain: Any
+    hierarchies: hierarchy.Hierarchies
     smooth: Any
-    triangles: geometry.Geometry
+    radiance: mi.Float
     attributes: mi.Float
     surroundings: surroundings.Surroundings
     eta: list
@@ -46,55 +49,39 @@ class World:
     objects: int
 
 
-def build(scene: Scene, time: float) -> World:
-    """The baked scene at `time` seconds."""
-    meshes = [part.mesh.transformed(part.pose(time)) for part in scene.parts]
-    count = len(scene.objects)
-    light = [np.asarray(m.radiance) if i < count else np.zeros_like(m.vertices) for i, m in enumerate(meshes)]
-    values = [light[i] if i < count else np.asarray(m.normals) for i, m in enumerate(meshes)]
-    here = geometry.upload([(m.vertices, a, m.faces) for m, a in zip(meshes, values, strict=True)])
-    parts = zip(scene.parts, light, strict=True)
-    triangles = geometry.upload([(part.mesh.vertices, a, part.mesh.faces) for part, a in parts])
-    normals = mi.Float(np.concatenate([m.normals for m in meshes]).astype(np.float32).ravel())
+def build(scene: Scene, time: float, way: hierarchy.Way = hierarchy.BODIES, robust: bool = True) -> World:
+    """The baked scene at `time` seconds; `way` and `robust` as in `hierarchy`."""
+    triangles, seen = geometry.of_scene(scene), geometry.of_scene_seen(scene)
     metals = [(r.eta, r.k) if r.eta is not None else None for r in scene.reflectors]
     return World(
-        plain=_mitsuba(here),
-        smooth=_mitsuba(here, normals),
-        triangles=triangles,
-        attributes=here.attributes,
+        hierarchies=hierarchy.of_scene(scene, triangles, time, way, robust),
+        smooth=_smooth(scene, time, robust),
+        radiance=triangles.attributes,
+        attributes=seen.attributes,
         surroundings=surroundings.of_scene(scene),
         eta=[None if metal is None else opaque(mi.Color3f, metal[0]) for metal in metals],
         k=[None if metal is None else opaque(mi.Color3f, metal[1]) for metal in metals],
-        objects=count,
+        objects=len(scene.objects),
     )
 
 
-def _mitsuba(triangles: geometry.Geometry, normals: mi.Float | None = None) -> Any:
-    mesh = mi.Mesh("triangles", triangles.vertex_count, triangles.face_count, has_vertex_normals=normals is not None)
+def _smooth(scene: Scene, time: float, robust: bool) -> Any:
+    meshes = [part.mesh.transformed(part.pose(time)) for part in scene.parts]
+    starts = np.cumsum([0, *(len(m.vertices) for m in meshes)])
+    mesh = mi.Mesh("smooth", int(starts[-1]), scene.triangles, has_vertex_normals=True)
     params = mi.traverse(mesh)
-    params["vertex_positions"] = _triples(triangles.points, triangles.vertex_count)
-    params["faces"] = _triples(triangles.faces, triangles.face_count)
-    if normals is not None:
-        params["vertex_normals"] = normals
+    for name in ("vertices", "normals"):
+        values = np.concatenate([getattr(m, name) for m in meshes])
+        params[{"vertices": "vertex_positions", "normals": "vertex_normals"}[name]] = mi.Float(np.float32(values).ravel())
+    faces = np.concatenate([m.faces + start for m, start in zip(meshes, starts, strict=False)])
+    params["faces"] = mi.UInt32(np.uint32(faces).ravel())
     params.update()
-    return mi.load_dict({"type": "scene", "triangles": mesh})
+    return mi.load_dict({"type": "scene", "embree_use_robust_intersections": robust, "smooth": mesh})
 
 
-def _triples(packed: Any, count: int) -> Any:
-    """3 values per element, as Mitsuba wants them, of 4 per element."""
-    lane = dr.arange(mi.UInt32, 3 * count)
-    return dr.gather(type(packed), packed, lane // 3 * 4 + lane % 3)
-
-
-def move(world: World, poses: mi.Float) -> None:
-    """Poses the parts anew (see `Frame.poses`) and has the hierarchy of `plain` built again.
-
-    Mitsuba builds the whole of it, even where what moves is a mesh of its own: it takes as long (tried), and has no refit.
-    """
-    params = mi.traverse(world.plain)
-    points = geometry.posed(world.triangles.points, world.triangles.vertex_count, poses)
-    params["triangles.vertex_positions"] = _triples(points, world.triangles.vertex_count)
-    params.update()
+def move(world: World, poses: mi.Float) -> World:
+    """With the parts at `poses` (see `Frame.poses`), but for `smooth`."""
+    return replace(world, hierarchies=hierarchy.moved(world.hierarchies, poses))
 
 
 def _rays(view: View) -> mi.Ray3f:
@@ -105,13 +92,13 @@ def _rays(view: View) -> mi.Ray3f:
 # Primary rays
 
 
-@dr.freeze
+@frozen
 def interactions(world: World, view: View):
     """What `ray_intersect` returns when called with nothing but the rays, all of it."""
     return world.smooth.ray_intersect(_rays(view))
 
 
-@dr.freeze
+@frozen
 def essentials(world: World, view: View):
     """Coherent rays; hit, point, face and shading normal, triangle and uv of the interaction and nothing else."""
     si = world.smooth.ray_intersect(_rays(view), +mi.RayFlags.All, True)
@@ -125,31 +112,27 @@ def gbuffer(world: World, view: View, like: Frame) -> Frame:
     return replace(like, reflector=reflector, active=active, pixels=pixels, p=p, n=n, v=v, radiance=radiance)
 
 
-@dr.freeze
+@frozen
 def _gbuffer(world: World, view: View):
     return _first_hits(world, _rays(view), True)
 
 
 def _first_hits(world: World, ray: mi.Ray3f, coherent: bool):
     """Reflector number, whether there is one, point, normal, direction to the eye and radiance, as in `Frame`."""
-    hit = world.plain.ray_intersect_preliminary(ray, coherent=coherent)
-    value, face = _interpolated(world.attributes, world.triangles.faces, hit)
-    part = mi.Int32(geometry.part_of(face)) - world.objects
-    active = hit.is_valid() & (part >= 0)
-    n = dr.normalize(value)
+    hit = hierarchy.meet(world.hierarchies, ray, coherent=coherent)
+    value = _xyz(raster.interpolate(world.attributes, hit.face, hit.weights, hit.found))
+    owner = geometry.part_of(hit.face)
+    part = mi.Int32(owner) - world.objects
+    active = hit.found & (part >= 0)
+    n = dr.normalize(geometry.turned_of(value, world.hierarchies.poses, owner, active))
     n = dr.select(active, dr.select(dr.dot(n, ray.d) > 0, -n, n), 0)
-    found = hit.is_valid()
-    seen = dr.select(found, mi.Color3f(value), surroundings.radiance(world.surroundings, ray.d, ~found))
+    seen = dr.select(hit.found, mi.Color3f(value), surroundings.radiance(world.surroundings, ray.d, ~hit.found))
     p = dr.select(active, ray(hit.t), 0)
     return dr.select(active, part, -1), active, p, mi.Normal3f(n), -ray.d, dr.select(active, 0, seen)
 
 
-def _interpolated(attributes: mi.Float, faces: mi.UInt32, hit: Any) -> tuple[mi.Vector3f, mi.Vector4u]:
-    found = hit.is_valid()
-    face = dr.gather(mi.Vector4u, faces, hit.prim_index, found)
-    u, w = hit.prim_uv.x, hit.prim_uv.y
-    value = raster.interpolate(attributes, face, mi.Vector3f(1 - u - w, u, w), found)
-    return mi.Vector3f(value.x, value.y, value.z), face
+def _xyz(packet: mi.Vector4f) -> mi.Vector3f:
+    return mi.Vector3f(packet.x, packet.y, packet.z)
 
 
 # Secondary rays
@@ -159,14 +142,13 @@ def _mirrored(world: World, p: mi.Point3f, n: mi.Normal3f, v: mi.Vector3f, coher
     """Radiance along the reflected rays and their lengths."""
     start = p + mi.Vector3f(n) * (RAY_EPSILON * (1 + dr.max(dr.abs(p))))
     ray = mi.Ray3f(start, optics.reflect(v, n))
-    hit = world.plain.ray_intersect_preliminary(ray, coherent=coherent, active=active)
-    found = hit.is_valid()
-    value, _ = _interpolated(world.triangles.attributes, world.triangles.faces, hit)
-    far = surroundings.radiance(world.surroundings, ray.d, active & ~found)
-    return dr.select(found, mi.Color3f(value), far), dr.select(found, hit.t + RAY_EPSILON, dr.inf)
+    hit = hierarchy.meet(world.hierarchies, ray, active, coherent)
+    value = _xyz(raster.interpolate(world.radiance, hit.face, hit.weights, hit.found))
+    far = surroundings.radiance(world.surroundings, ray.d, active & ~hit.found)
+    return dr.select(hit.found, mi.Color3f(value), far), dr.select(hit.found, hit.t + RAY_EPSILON, dr.inf)
 
 
-@dr.freeze
+@frozen
 def reflection(world: World, frame: Frame, coherent: bool):
     """Radiance and distance of every reflector pixel, one lane per pixel: what a method's `shade` answers."""
     p, n, v = (dr.gather(type(a), a, frame.pixels) for a in (frame.p, frame.n, frame.v))
@@ -180,7 +162,7 @@ def reflection(world: World, frame: Frame, coherent: bool):
 # Both
 
 
-@dr.freeze
+@frozen
 def picture(world: World, view: View, coherent: bool) -> mi.Color3f:
     """A whole frame in one kernel: first hits, one bounce where they are mirrors, the mirrors' reflectance."""
     reflector, active, p, n, v, radiance = _first_hits(world, _rays(view), coherent)

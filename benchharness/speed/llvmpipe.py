@@ -105,7 +105,7 @@ class Llvmpipe:
         vectors = {"screen_x": x, "screen_y": y, "screen_w": w, "size": size, "eye": camera.eye}
         for name, vector in vectors.items():
             program[name].value = tuple(map(float, vector))
-        program["near"].value, program["objects"].value = float(scene.near), float(len(scene.objects))
+        program["near"].value, program["objects"].value = float(scene.near_plane), float(len(scene.objects))
         return program
 
     def draw(self, targets: int = 3) -> None:

@@ -16,10 +16,10 @@ import numpy as np
 
 from benchharness import params, plugins, reference, timing
 from benchharness.api import Frame, Method, Reflection
-from benchharness.bake import bake
 from benchharness.config import SceneSpec
 from benchharness.measure import check_lanes
-from benchharness.scene import Scene, refined
+from benchharness.ready import ready
+from benchharness.scene import Scene
 
 BEFORE, AFTER = 2, 3  # frames of a run with a jump in it
 OPTIONS = reference.ReferenceOptions(spp=2)
@@ -80,9 +80,8 @@ def film(name: str, kind: str, count: int, substeps: int, start: int | None, siz
     """
     count = count if kind == "steady" else BEFORE + AFTER
     built = spec(name).build()
-    if not all(part.mesh.radiance is not None for part in built.objects):
-        built = bake(built, spp=OPTIONS.bake_spp)
-    fine = replace(refined(built), fps=built.fps * substeps, frames=(built.frames - 1) * substeps + 1)
+    built = ready(built, OPTIONS.bake_spp)
+    fine = replace(built, fps=built.fps * substeps, frames=(built.frames - 1) * substeps + 1)
     if not 3 <= count <= fine.frames:
         raise ValueError(f"{name}: a run of {count} frames; accepted: 3 to {fine.frames}, the animation in {substeps} substeps")
     latest = fine.frames - count

@@ -18,11 +18,13 @@ from functools import cached_property
 from itertools import product
 
 import drjit as dr
+import mitsuba as mi
 import numpy as np
 
 from benchharness import metrics, reference
 from benchharness.api import Frame, Method, View
 from benchharness.frame import FrameRenderer
+from benchharness.kernels import depths
 from benchharness.scene import PointLight, Scene
 from benchharness.stability.film import OPTIONS, Film, carried, shaded
 
@@ -191,9 +193,7 @@ def uncertainty(own: np.ndarray, side: int) -> float:
 def _shifted(renderer: FrameRenderer, index: int, dx: float, dy: float) -> Frame:
     """A frame whose pixels are seen `dx`, `dy` pixels beside their centres."""
     view = renderer.view(index)
-    moved: View = replace(
-        view, x=view.x - dx * view.w, y=view.y - dy * view.w, axis=view.axis + dx * view.right + dy * view.down
-    )
+    moved: View = depths.moved(view, dr.opaque(mi.Float, dx), dr.opaque(mi.Float, dy), view.width, view.height)
     dr.make_opaque(moved)
     frame = renderer.draw(index, moved)
     boxes = [(left - 1, top - 1, right + 1, bottom + 1) for left, top, right, bottom in frame.boxes]
