@@ -10,7 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from benchharness import inside, truth
+from benchharness import truth, winding
 from benchharness.regime import Seen
 from benchharness.scene import Scene
 
@@ -49,7 +49,7 @@ def _true(scene: Scene, time: float) -> list[tuple[np.ndarray, list[np.ndarray],
     V, found = truth.placed(scene, time, chosen), []
     for reflector in scene.reflectors:
         mesh = reflector.mesh.transformed(reflector.pose(time))
-        both = reflector.closed is None and not inside.is_closed(mesh)
+        both = reflector.closed is None and not winding.is_closed(mesh)
         found.append((chosen, *truth.every_reflection_point(mesh.vertices, mesh.normals, mesh.faces, eye, V, both)))
     return found
 

@@ -24,17 +24,11 @@ def creased(
     count = len(faces)
     crossed = winding.crossed(vertices, faces)
     unit = crossed / np.maximum(np.linalg.norm(crossed, axis=1, keepdims=True), 1e-300)
-    place = winding.welded(vertices, faces)
 
-    # Edges from corner k of a face to the next; the two faces of one run along it in opposite directions.
-    f = np.repeat(np.arange(count), 3)
-    k = np.tile(np.arange(3), count)
-    a, b = place[f, k].astype(np.int64), place[f, (k + 1) % 3].astype(np.int64)
-    key = np.minimum(a, b) * (int(place.max()) + 1) + np.maximum(a, b)
-    order = np.argsort(key, kind="stable")
-    first = np.flatnonzero(np.diff(key[order], prepend=-1))
-    uses = np.diff(first, append=len(order))
-    one, other = order[first[uses == 2]], order[first[uses == 2] + 1]
+    # Edges from one corner of a face to the next; the two faces of one run along it in opposite directions.
+    edges = winding.half_edges(winding.welded(vertices, faces))
+    f, k, a, b = edges.face, edges.corner, edges.a, edges.b
+    one, other = edges.pairs()
     smooth = np.einsum("ei,ei->e", unit[f[one]], unit[f[other]]) > np.cos(np.radians(crease_deg))
     smooth &= (a[one] == b[other]) & (b[one] == a[other])
     one, other = one[smooth], other[smooth]

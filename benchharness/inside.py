@@ -6,19 +6,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from benchharness.scene import Mesh, Scene
-from benchharness.winding import winding_number
-
-
-def is_closed(mesh: Mesh) -> bool:
-    """Whether every edge has exactly two faces, vertices at the same place counting as one."""
-    place = np.unique(mesh.vertices, axis=0, return_inverse=True)[1].reshape(-1)
-    faces = place[mesh.faces]
-    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
-    if len(faces) == 0:
-        return False
-    edges = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
+from benchharness.scene import Scene
+from benchharness.winding import is_closed, winding_number
 
 
 def check_cameras(scene: Scene, frames: Iterable[int], where: str) -> None:

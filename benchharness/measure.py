@@ -247,14 +247,22 @@ class Bench:
         return record
 
     def _seen(self, entry: _Entry, frame: Frame, truth_: reference.Reference, record: dict) -> Seen:
-        """The last frame that `entry` showed, beside the reference; lengths and places as the scene's author has them."""
+        """The last frame that `entry` showed, beside the reference; lengths and places as the scene's author has them.
+
+        What a method leaves at pixels without a mirror may be anything, and differ from call to call: it is not shown.
+        """
         image, reflection = entry.shown[-1]
         unit = self.scene.unit
         shape = truth_.mask.shape
-        mask = truth_.mask & np.array(frame.active).reshape(shape)
+        active = np.array(frame.active).reshape(shape)
+        mask = truth_.mask & active
         found, doubt, distance = (
-            np.broadcast_to(np.array(a), mask.size).reshape(shape)
-            for a in (reflection.found, False if reflection.doubt is None else reflection.doubt, reflection.distance)
+            np.where(active, np.broadcast_to(np.array(a), mask.size).reshape(shape), nothing)
+            for a, nothing in (
+                (reflection.found, False),
+                (False if reflection.doubt is None else reflection.doubt, False),
+                (reflection.distance, np.float32(np.inf)),
+            )
         )
         assert entry.error is not None
         return Seen(

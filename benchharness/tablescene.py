@@ -35,8 +35,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from benchharness import platform, plugins
 from benchharness.creases import creased
-from benchharness.inside import is_closed
 from benchharness.scene import Camera, Environment, Mesh, Object, Reflector, Scene, merged, subdivided, vertex_normals
+from benchharness.winding import is_closed
 
 SUFFIXES = (".obj", ".ply", ".glb")
 PANORAMAS = (".exr", ".hdr")

@@ -57,22 +57,50 @@ class Pieces:
     two_sided: np.ndarray
 
 
+@dataclass(frozen=True, eq=False)
+class HalfEdges:
+    """The edges of faces, three of each that has area, from one corner to the next.
+
+    face, corner  int [E], whose edge it is, and from which of its corners
+    a, b          int [E], where it begins and ends
+    key           int [E], the same for all that run along one edge, in whatever direction
+    """
+
+    face: np.ndarray
+    corner: np.ndarray
+    a: np.ndarray
+    b: np.ndarray
+    key: np.ndarray
+
+    def pairs(self) -> tuple[np.ndarray, np.ndarray]:
+        """The two of every edge that has exactly two, int [P] each."""
+        order = np.argsort(self.key, kind="stable")
+        first = np.flatnonzero(np.diff(self.key[order], prepend=-1))
+        two = first[np.diff(first, append=len(order)) == 2]
+        return order[two], order[two + 1]
+
+
+def half_edges(faces: np.ndarray) -> HalfEdges:
+    """The edges of faces [F, 3]; none of a face that has a corner twice. Vertices are joined by number: see `welded`."""
+    real = np.flatnonzero((faces != np.roll(faces, 1, axis=1)).all(axis=1))
+    face, corner = np.repeat(real, 3), np.tile(np.arange(3), len(real))
+    a, b = faces[face, corner].astype(np.int64), faces[face, (corner + 1) % 3].astype(np.int64)
+    return HalfEdges(face, corner, a, b, np.minimum(a, b) * (int(faces.max(initial=0)) + 1) + np.maximum(a, b))
+
+
+def is_closed(mesh: Triangles) -> bool:
+    """Whether every edge has exactly two faces, vertices at one place counting as one."""
+    edges = half_edges(welded(mesh.vertices, mesh.faces))
+    return len(edges.key) > 0 and bool((np.unique(edges.key, return_counts=True)[1] == 2).all())
+
+
 def pieces(mesh: Triangles) -> Pieces:
     """The pieces of a mesh. A face without area that has two corners at one place is a piece of its own, and not closed."""
-    faces = welded(mesh.vertices, mesh.faces)
-    count = len(faces)
-    real = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
-    owner = np.repeat(np.flatnonzero(real), 3)
-    ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2)[real].reshape(-1, 2).astype(np.int64)
-    forward = ends[:, 0] < ends[:, 1]
-    key = ends.min(axis=1) * (int(faces.max()) + 1) + ends.max(axis=1)
-
-    # Neighbours: the two faces of an edge that has two. They agree if they run along it in opposite directions.
-    order = np.argsort(key, kind="stable")
-    first = np.flatnonzero(np.diff(key[order], prepend=-1))
-    uses = np.diff(first, append=len(order))
-    one, two = order[first[uses == 2]], order[first[uses == 2] + 1]
-    f, g, agree = owner[one], owner[two], forward[one] != forward[two]
+    count = len(mesh.faces)
+    edges = half_edges(welded(mesh.vertices, mesh.faces))
+    owner = edges.face
+    one, two = edges.pairs()
+    f, g, agree = owner[one], owner[two], edges.a[one] != edges.a[two]
 
     # The double cover: face f as it is is node f, turned it is node count + f.
     other = np.where(agree, g, g + count)
@@ -91,8 +119,8 @@ def pieces(mesh: Triangles) -> Pieces:
     sign *= np.where(np.bincount(piece, area * sign, total) < 0, -1, 1)[piece]
 
     closed = np.zeros(total, bool)
-    closed[piece[real]] = True
-    _, which, times = np.unique(np.stack([piece[owner], key]), axis=1, return_inverse=True, return_counts=True)
+    closed[piece[owner]] = True
+    _, which, times = np.unique(np.stack([piece[owner], edges.key]), axis=1, return_inverse=True, return_counts=True)
     closed[piece[owner[times[which.reshape(-1)] != 2]]] = False
     return Pieces(piece, sign, closed, two_sided)
 

@@ -102,6 +102,8 @@ class Constant(Method):
         found = frame.active & (dr.arange(mi.UInt32, count) % 2 == 0) if self.fault == "half" else frame.active
         if self.fault == "half":
             distance = dr.select(found, distance, 100.0)
+        if self.fault == "litter":  # in lanes without a mirror, a signalling NaN
+            distance = dr.select(frame.active, distance, dr.reinterpret_array(mi.Float, dr.full(mi.UInt32, 0x7F800001, count)))
         return Reflection(L, distance, found, counters={"looks": mi.UInt32(frame.active)}), state
 
 
@@ -232,6 +234,13 @@ def test_what_is_not_a_number_makes_the_record_invalid(fault, tmp_path):
     assert record["reason"] == f"{record['nonfinite_px']} pixels are NaN, infinite or negative"
     if fault == "nan":
         assert record["flip"] is None and record["rmse"] is None and record["temporal_diff"] is None
+
+
+def test_what_a_method_leaves_where_no_mirror_is_is_not_shown():
+    record, seen = bench(room()).show(2, "litter", Constant(fault="litter"))
+    assert record["status"] == "ok"
+    assert np.isinf(seen.distance[~seen.mask]).all() and np.isfinite(seen.distance[seen.mask]).all()
+    assert not seen.found[~seen.mask].any() and not seen.doubt[~seen.mask].any()
 
 
 def test_coverage_counts_what_was_found_and_errors_everything(tmp_path):

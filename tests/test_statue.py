@@ -10,9 +10,9 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from benchharness.inside import check_cameras, is_closed
+from benchharness.inside import check_cameras
 from benchharness.scene import Environment, Mesh, Scene
-from benchharness.winding import winding_number
+from benchharness.winding import is_closed, winding_number
 from scenes import angel
 from scenes.implicit import field, gradient, polygonised
 from scenes.parlour import CEILING, DAY, FLOOR, LEFT, painter

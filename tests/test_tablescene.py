@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from benchharness import inside, tablescene
+from benchharness import inside, tablescene, winding
 from benchharness.scene import Camera, Mesh, Object, Reflector, Scene
 from benchharness.winding import winding_number
 
@@ -46,10 +46,10 @@ def test_one_octant_triangle_covers_an_eighth_of_the_sphere():
 
 
 def test_a_mesh_is_closed_if_every_edge_has_two_faces_wherever_its_vertices_are_split():
-    assert inside.is_closed(ball())
+    assert winding.is_closed(ball())
     soup = Mesh(ball().vertices[ball().faces].reshape(-1, 3), np.arange(3 * len(ball().faces)).reshape(-1, 3))
-    assert inside.is_closed(soup)
-    assert not inside.is_closed(Mesh(ball().vertices, ball().faces[1:]))
+    assert winding.is_closed(soup)
+    assert not winding.is_closed(Mesh(ball().vertices, ball().faces[1:]))
 
 
 @pytest.mark.parametrize("suffix", ["ply", "glb"])

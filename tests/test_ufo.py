@@ -12,9 +12,8 @@ from PIL import Image, ImageDraw
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from benchharness.inside import is_closed
 from benchharness.scene import Mesh, Scene, refined, subdivided
-from benchharness.winding import winding_number
+from benchharness.winding import is_closed, winding_number
 from scenes import city, saucer
 from scenes.ufo import ufo
 
