@@ -1,4 +1,4 @@
-"""LLVM is chosen before any test module can import Dr.Jit; the variant is set once, where a test needs one."""
+"""LLVM is chosen before any test module can import Dr.Jit, by importing us; the variant is set once, where a test needs one."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ import pytest
 
 from benchharness import platform
 
-platform.use_llvm()
-
 
 @pytest.fixture(scope="session", autouse=True)
 def variant() -> str | None:
@@ -18,6 +16,18 @@ def variant() -> str | None:
         return None
     platform.use_variant("llvm_ad_rgb")
     return "llvm_ad_rgb"
+
+
+@pytest.fixture
+def plugins_here(monkeypatch):
+    """Plugins are imported in this process, which is quicker; for tests whose plugins do no harm."""
+    from here import Here
+
+    import benchharness.config
+    import benchharness.stability.plan
+
+    monkeypatch.setattr(benchharness.config, "Apart", Here)
+    monkeypatch.setattr(benchharness.stability.plan, "Apart", Here)
 
 
 @pytest.fixture(scope="module")

@@ -7,11 +7,14 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import mitsuba as mi  # noqa: F401  (so that the variant is set)
 import pytest
 import study
 
 from benchharness import config, identity
 from benchharness.stability import plan
+
+pytestmark = pytest.mark.usefixtures("plugins_here")
 
 GOOD = """
 [run]
