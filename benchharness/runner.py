@@ -12,7 +12,6 @@ import json
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import nullcontext
-from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Protocol
@@ -68,6 +67,7 @@ def run(
         journal = Journal(folder / "journal.jsonl")
         pasts = _pasts(config, journal.lines())
         setting = _setting(config, folder, plan["environment"], bench or BENCH)
+        (folder / "images").mkdir(exist_ok=True)
         for line in _lines(config, setting, pasts, listener, cluster):
             journal.append(line)
             if "frame" in line:
@@ -138,7 +138,7 @@ def _plan(config: Config, environment: str) -> dict[str, Any]:
 
 
 def _setting(config: Config, folder: Path, environment: str, bench: str) -> supervisor.Setting:
-    run, reference = config.run, asdict(config.reference)
+    run, reference = config.run, config.reference
     document = {
         "variant": run.variant,
         "size": run.size,
@@ -160,20 +160,25 @@ def _setting(config: Config, folder: Path, environment: str, bench: str) -> supe
 
 
 def _pasts(config: Config, lines: Iterable[dict]) -> list[supervisor.Past]:
+    """What is done and out. What nobody is to blame for is neither: it is tried again."""
     pasts = [supervisor.Past() for _ in config.jobs]
     for line in lines:
         past = pasts[line["job"]]
-        if "frame" in line:
+        if "frame" not in line:
+            if not line.get("again"):
+                past.out[line["out"]] = {"status": line["status"], "reason": line["reason"]}
+        elif line.get("again"):
+            past.done.discard(line["frame"])
+        else:
             past.done.add(line["frame"])
             past.out |= supervisor.crashed_in(line)
-        else:
-            past.out[line["out"]] = {"status": line["status"], "reason": line["reason"]}
     return pasts
 
 
 def _tables(lines: Iterable[dict]) -> tuple[list[dict], list[dict]]:
-    """Records and samples of all frames, jobs and frames in their order."""
-    frames = sorted((line for line in lines if "frame" in line), key=lambda line: (line["job"], line["frame"]))
+    """Records and samples of all frames, jobs and frames in their order; of a frame that was done anew, the last ones."""
+    found = {(line["job"], line["frame"]): line for line in lines if "frame" in line}
+    frames = [found[place] for place in sorted(found)]
     return [r for line in frames for r in line["records"]], [s for line in frames for s in line["samples"]]
 
 
@@ -194,7 +199,7 @@ def _fresh(config: Config, out: Path | None, plan: dict) -> Path:
     try:
         if folder.is_dir() and any(folder.iterdir()):
             raise ValueError(f"--out {folder} is not empty and holds no run; accepted: an empty or a new folder")
-        (folder / "images").mkdir(parents=True)
+        folder.mkdir(parents=True, exist_ok=True)
         results.write_atomic(folder / "run.json", json.dumps(plan, indent=2) + "\n")
     except OSError as error:
         raise ValueError(f"--out {folder} cannot be written: {error}; accepted: a folder that can") from None

@@ -10,6 +10,7 @@ import sys
 import time
 from pathlib import Path
 
+import mitsuba as mi  # noqa: F401  (so that the variant is set)
 import pytest
 import study
 
@@ -30,6 +31,9 @@ class Ear:
 
     def note(self, text):
         self.notes.append(text)
+
+
+pytestmark = pytest.mark.usefixtures("plugins_here")
 
 
 @pytest.fixture(autouse=True)

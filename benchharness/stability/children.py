@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
-from benchharness import platform, supervisor, worker
+from benchharness import platform, processes
 
 VARIANT = "llvm_ad_rgb"
 TIMEOUT_S = 600.0  # that a unit may take, its share of what comes before the first included
@@ -87,7 +87,7 @@ def _child(study: str, units: list[dict], folder: Path, threads: int, timeout_s:
         file, log = Path(own) / "job.json", Path(own) / "log"
         file.write_text(json.dumps(job), encoding="utf-8")
         with open(log, "wb") as stream:
-            env = supervisor.surroundings() | {"OMP_NUM_THREADS": str(threads)}
+            env = processes.surroundings() | {"OMP_NUM_THREADS": str(threads)}
             child = subprocess.Popen(
                 [sys.executable, "-P", "-m", "benchharness.stability.children", str(file)], env=env,
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=stream, start_new_session=True,
@@ -99,9 +99,7 @@ def _child(study: str, units: list[dict], folder: Path, threads: int, timeout_s:
                 return records, None
             if not ended:
                 return records, {"status": "timeout", "reason": f"no answer for {timeout_s:g} s"}
-            reason = (
-                f"the process ended with {supervisor.cause(child.wait())}: {log.read_text(errors='replace').strip()[-200:]}"
-            )
+            reason = f"the process ended with {processes.cause(child.wait())}: {log.read_text(errors='replace').strip()[-200:]}"
             return records, {"status": "crashed", "reason": reason}
         finally:
             child.kill()
@@ -130,13 +128,13 @@ def _records(stream: IO[bytes], timeout_s: float) -> tuple[list[dict], bool]:
         if not line.endswith(b"\n"):  # the end, or half a line of a child that was killed
             reader.join()
             return records, True
-        records.append(json.loads(line))
+        records.append(processes.clean(json.loads(line)))
 
 
 def _work(file: str) -> None:
-    say = worker.channel()
+    say = processes.channel()
     job = json.loads(Path(file).read_text(encoding="utf-8"))
-    worker.end_with_parent(job["parent"])
+    processes.end_with_parent(job["parent"])
     platform.use_variant(VARIANT)
     import drjit as dr
 
