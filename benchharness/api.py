@@ -61,9 +61,10 @@ class Surface:
 
 @dataclass
 class Frame:
-    """What the harness knows about a frame before any method runs: the rasterized first hit of every pixel.
+    """What the harness knows about a frame before any method runs: the rasterized first hit of every pixel. It is lent for
+    one call; what is written into it, nobody else sees.
 
-    index, time  number in the animation; seconds. view: the camera
+    index, time  number in the animation, which other cameras may have too; seconds. view: the camera
     poses        12 floats per part (`scene.parts`): rows of its 3 x 4 object-to-world matrix
     reflector    number of the reflector seen, 0 ..; -1 where none is
     active       reflector >= 0
@@ -157,9 +158,10 @@ class Method(ABC):
         """Once per scene: the state that the other two start from. Timed as `prepare_ms`."""
 
     def update(self, state: Any, frame: Frame) -> Any:
-        """Once at the start and whenever a part moved: what does not depend on the eye. Timed as `update_ms`."""
+        """Once at the start and whenever a part moved: what does not depend on the eye; other cameras may follow. Timed as
+        `update_ms`."""
         return state
 
     @abstractmethod
     def shade(self, state: Any, frame: Frame) -> tuple[Reflection, Any]:
-        """Every frame. No NumPy, no printing. Timed as `shade_ms`."""
+        """Every frame, never twice the same while time is taken. No NumPy, no printing. Timed as `shade_ms`."""

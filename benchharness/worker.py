@@ -66,6 +66,7 @@ def main(job_file: str) -> None:
 
 def _work(job: dict[str, Any], say: Callable[[dict], None]) -> None:
     platform.use_variant(job["variant"])
+    from benchharness import contract
     from benchharness.config import Entry, SceneSpec
     from benchharness.reference import ReferenceOptions
 
@@ -78,10 +79,10 @@ def _work(job: dict[str, Any], say: Callable[[dict], None]) -> None:
         method = entry.build()
         watch(entry.key)
         try:
-            refusal, status = method.refuses(scene), "refused"
+            refusal, status = contract.refusal(method, scene), "refused"
         except Exception as error:
             traceback.print_exc()
-            refusal, status = f"refuses: {type(error).__name__}: {error}", "crashed"
+            refusal, status = f"refuses: {contract.account(error)}", "crashed"
         watch("")
         if refusal is None:
             methods[entry.key] = method
