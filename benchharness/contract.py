@@ -6,6 +6,7 @@ inside of what takes an exception for that method's own.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from typing import Any
 
@@ -32,24 +33,28 @@ def fingerprint(frame: Frame) -> dict[str, int]:
 
     Finds what was written into memory itself, as through `frame.p.x.numpy()`, which copies on writing do not keep apart.
     """
-    sums = {field.name: _bits(getattr(frame, field.name)) for field in fields(frame)}
-    dr.eval(sums)
-    return {name: int(total[0]) for name, total in sums.items()}
+    leaves = {field.name: list(_leaves(getattr(frame, field.name))) for field in fields(frame)}
+    dr.eval(leaves)
+    return {name: hash(tuple(leaf if isinstance(leaf, int) else int(leaf[0]) for leaf in own)) for name, own in leaves.items()}
 
 
-def _bits(value: Any) -> mi.UInt32:
-    """The bits of all arrays in a tree of them, summed with weights that differ by place. One lane."""
+def _leaves(value: Any) -> Iterator[mi.UInt32 | int]:
+    """Of each array in a tree of them its width, and the sum of its bits with weights that differ by place; else a hash."""
     if dr.is_array_v(value) and dr.depth_v(value) == 1:
         bits = dr.select(value, mi.UInt32(1), 0) if dr.is_mask_v(value) else dr.reinterpret_array(mi.UInt32, value)
-        return dr.sum(bits * (2 * dr.arange(mi.UInt32, dr.width(bits)) + 1)) + dr.width(bits)
+        lanes = dr.width(bits)
+        yield lanes
+        if lanes > 0:
+            yield dr.sum(bits * (2 * dr.arange(mi.UInt32, lanes) + 1))
+        return
     if is_dataclass(value):
         value = [getattr(value, field.name) for field in fields(value)]
     if dr.is_array_v(value) or isinstance(value, list | tuple):
-        total = mi.UInt32(len(value))
-        for place, one in enumerate(value):
-            total += (2 * place + 1) * _bits(one)
-        return total
-    return mi.UInt32(hash(value) & 0xFFFF_FFFF)
+        yield len(value)
+        for one in value:
+            yield from _leaves(one)
+    else:
+        yield hash(value)
 
 
 def written(before: dict[str, int], frame: Frame) -> str:

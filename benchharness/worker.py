@@ -80,7 +80,7 @@ def _work(job: dict[str, Any], say: Callable[[dict], None]) -> None:
         watch(entry.key)
         try:
             refusal, status = contract.refusal(method, scene), "refused"
-        except Exception as error:
+        except BaseException as error:  # a plugin may raise what is no Exception
             traceback.print_exc()
             refusal, status = f"refuses: {contract.account(error)}", "crashed"
         watch("")
