@@ -126,7 +126,7 @@ class Reflection:
     found     False where the method has no answer. The surroundings are none where `Scene.enclosed` holds the mirror: what
               ends there was lost
     vertices  for vertex-driven methods
-    counters  name -> one integer array, summed by the harness: deterministic work of this frame
+    counters  name -> one array of integers, summed by the harness: deterministic work of this frame
     doubt     True where the method has an answer and knows that it may show the wrong thing, or the right one more than
               two pixels off; None from a method that never knows, and where `Frame.doubts` is False
     """

@@ -147,8 +147,11 @@ def _unchanged(method: Method, before: dict[str, Any]) -> bool:
 
 def _fresh(cls: type[Method], scene: Scene, drawer: FrameRenderer, frames: list[Frame], first: _Answer) -> Iterator[Finding]:
     """That every call of a verb does its work: for another camera, for other poses, for the same frame once more."""
+    import drjit as dr
+
     camera, now = scene.camera(frames[1].time), frames[0].time
     beside = dataclasses.replace(drawer.draw(0, drawer.view(1)), boxes=drawer.boxes(camera, now))
+    dr.eval(beside)
     second, carried, other = first.again(frames[0], cold=True), first.again(beside), _Answer(cls(), scene, beside)
     if broken := second.broken or carried.broken or other.broken:
         yield Finding("fail", f"asked once more, it fails: {broken}")
@@ -157,7 +160,7 @@ def _fresh(cls: type[Method], scene: Scene, drawer: FrameRenderer, frames: list[
     yield _judged(
         share >= KEPT,
         "a second call of shade works as much as the first",
-        f"a second call of shade launches kernels for {share:.0%} of the first one's work: the answer is kept",
+        f"a second call of shade launches kernels for {share:.0%} of the first one's work: it lives on what that one left",
     )
     yield _judged(
         not (first.shows(other) or first.shows(carried)),

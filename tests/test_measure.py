@@ -83,6 +83,8 @@ class Constant(Method):
     def prepare(self, scene: Scene) -> Any:
         if self.fault == "prepare":
             raise RuntimeError("no room")
+        if self.fault == "scene":
+            scene.reflectors[0].mesh.vertices[:] = 0
         return dr.opaque(mi.Float, self.L)
 
     def update(self, state, frame):
@@ -274,6 +276,7 @@ def test_pictures_are_written_and_come_out_the_same_twice(tmp_path):
         ("update", "KeyError: 'moved'"),
         ("shade", "ValueError: no root"),
         ("lanes", "ValueError: distance has 7 lanes; accepted: 3072, one per pixel"),
+        ("scene", "ValueError: assignment destination is read-only"),
         ("counters", "TypeError: counters is None; accepted: a dict, name -> UInt32"),
         ("counter", "TypeError: counter looks is int; accepted: UInt32"),
         ("found", "TypeError: found is Float; accepted: Bool"),
