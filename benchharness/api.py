@@ -61,9 +61,10 @@ class Surface:
 
 @dataclass
 class Frame:
-    """What the harness knows about a frame before any method runs: the rasterized first hit of every pixel.
+    """What the harness knows about a frame before any method runs: the rasterized first hit of every pixel. It is lent for
+    one call; what is written into it, nobody else sees.
 
-    index, time  number in the animation; seconds. view: the camera
+    index, time  number in the animation, which other cameras may have too; seconds. view: the camera
     poses        12 floats per part (`scene.parts`): rows of its 3 x 4 object-to-world matrix
     reflector    number of the reflector seen, 0 ..; -1 where none is
     active       reflector >= 0
@@ -125,7 +126,7 @@ class Reflection:
     found     False where the method has no answer. The surroundings are none where `Scene.enclosed` holds the mirror: what
               ends there was lost
     vertices  for vertex-driven methods
-    counters  name -> one integer array, summed by the harness: deterministic work of this frame
+    counters  name -> one array of integers, summed by the harness: deterministic work of this frame
     doubt     True where the method has an answer and knows that it may show the wrong thing, or the right one more than
               two pixels off; None from a method that never knows, and where `Frame.doubts` is False
     """
@@ -157,9 +158,10 @@ class Method(ABC):
         """Once per scene: the state that the other two start from. Timed as `prepare_ms`."""
 
     def update(self, state: Any, frame: Frame) -> Any:
-        """Once at the start and whenever a part moved: what does not depend on the eye. Timed as `update_ms`."""
+        """Once at the start and whenever a part moved: what does not depend on the eye; other cameras may follow. Timed as
+        `update_ms`."""
         return state
 
     @abstractmethod
     def shade(self, state: Any, frame: Frame) -> tuple[Reflection, Any]:
-        """Every frame. No NumPy, no printing. Timed as `shade_ms`."""
+        """Every frame, never twice the same while time is taken. No NumPy, no printing. Timed as `shade_ms`."""

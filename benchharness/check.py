@@ -2,12 +2,13 @@
 
 The method runs on a tiny scene (a mirror ball in a box, one ball that moves) in a child process, since a kernel that is
 wrong may abort: `python -m benchharness.check FILE[:Name] PARENT` says one finding per line as JSON. Nothing here is timed;
-what is checked is that a time would mean what it says: the answer depends on the frame, is not cached between frames or
-instances, and nothing is evaluated inside `shade`.
+what is checked is that a time would mean what it says: the answer depends on the frame, is not kept between frames, calls or
+instances, is all there when `shade` returns, and nothing is evaluated inside `shade`.
 """
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import inspect
 import os
@@ -15,6 +16,7 @@ import re
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -28,12 +30,15 @@ from benchharness.scene import Camera, Mesh, Object, Reflector, Scene, subdivide
 
 if TYPE_CHECKING:
     from benchharness.api import Frame, Method, Reflection
+    from benchharness.frame import FrameRenderer
 
 SIZE = (96, 64)
 TIMEOUT_S = 300.0
+PAUSE_S = 0.25  # after a call, in which nothing should be working
+BUSY = 0.2  # of one core in that time, above what Dr.Jit's own threads need to fall asleep
+KEPT = 0.5  # share of the first call's work, in kernels, below which a second one uses what the first left
 
-Renderer = Callable[[Scene, int, int], Any]
-"""`frame.FrameRenderer` or its stand-in: (scene, width, height) -> something with render(index) -> api.Frame."""
+Renderer = Callable[[Scene, int, int], "FrameRenderer"]
 
 
 @dataclass(frozen=True)
@@ -92,16 +97,27 @@ def findings(plugin: plugins.Plugin, renderer: Renderer) -> Iterator[Finding]:
         yield Finding("fail", f"it cannot be made with its default parameters: {type(error).__name__}: {error}")
         return
     scene = tiny_scene()
-    refusal = method.refuses(scene)
+    from benchharness import contract
+
+    try:
+        refusal = contract.refusal(method, scene)
+    except Exception as error:
+        yield Finding("fail", f"refuses: {contract.account(error)}")
+        return
     if refusal is not None:
         yield Finding("warn", f"it refuses the test scene, so that nothing else can be checked: {refusal}")
         return
     before = dict(vars(method))
-    frames = [renderer(scene, *SIZE).render(index) for index in range(2)]
+    drawer = renderer(scene, *SIZE)
+    frames = [drawer.render(index) for index in range(2)]
+    usual, threads = _busy(), threading.active_count()
     first = _Answer(method, scene, frames[0])
+    busy, more = _busy() - usual, threading.active_count() - threads
     yield from _well_formed(first, frames[0])
     if first.broken or not first.found.any():
         return
+    yield _judged(not first.wrote, "frame unchanged", f"it writes into the frame: {first.wrote}")
+    yield from _done(busy, more)
     beyond = int(np.isinf(first.distance[first.found]).sum())
     yield _judged(
         beyond == 0,
@@ -109,6 +125,7 @@ def findings(plugin: plugins.Plugin, renderer: Renderer) -> Iterator[Finding]:
         f"{beyond} pixels are found at infinity, and walls enclose the mirror (Scene.enclosed): no answer, found is False",
     )
     yield _judged(first.launched == 0, "nothing is evaluated inside shade", f"shade launches {first.launched} kernels", "warn")
+    yield from _fresh(cls, scene, drawer, frames, first)
     again = _Answer(cls(), scene, frames[0])
     yield _judged(first.same(again), "the same frame gives the same answer, bit for bit", "two runs of a frame differ")
     moved = _Answer(cls(), scene, frames[1])
@@ -121,8 +138,7 @@ def findings(plugin: plugins.Plugin, renderer: Renderer) -> Iterator[Finding]:
     yield _judged(
         first.same(after), "the answer does not depend on who ran before", "after another frame, a fresh state differs"
     )
-    same = vars(method) == before and method == cls()
-    yield _judged(same, "self is unchanged", "self changed while it ran: state is passed, not kept")
+    yield _judged(_unchanged(method, before), "self is unchanged", "self changed while it ran: state is passed, not kept")
     large = renderer(scene, 2 * SIZE[0], 2 * SIZE[1]).render(0)
     larger = _Answer(method, scene, large)
     yield from (f for f in _well_formed(larger, large) if f.level == "fail")
@@ -135,6 +151,70 @@ def findings(plugin: plugins.Plugin, renderer: Renderer) -> Iterator[Finding]:
             f"twice the resolution changes the mean radiance from {one} to {other}",
             "warn",
         )
+
+
+def _unchanged(method: Method, before: dict[str, Any]) -> bool:
+    try:
+        return bool(vars(method) == before and method == type(method)())
+    except Exception:  # fields that cannot be compared are none of a dataclass of parameters
+        return False
+
+
+def _fresh(cls: type[Method], scene: Scene, drawer: FrameRenderer, frames: list[Frame], first: _Answer) -> Iterator[Finding]:
+    """That every call of a verb does its work: for another camera, for other poses, for the same frame once more."""
+    import drjit as dr
+
+    camera, now = scene.camera(frames[1].time), frames[0].time
+    beside = dataclasses.replace(drawer.draw(0, drawer.view(1)), boxes=drawer.boxes(camera, now))
+    dr.eval(beside)
+    second, carried, other = first.again(frames[0], cold=True), first.again(beside), _Answer(cls(), scene, beside)
+    if broken := second.broken or carried.broken or other.broken:
+        yield Finding("fail", f"asked once more, it fails: {broken}")
+        return
+    share = second.work / first.work if first.work else 1.0
+    yield _judged(
+        share >= KEPT,
+        "a second call of shade works as much as the first",
+        f"a second call of shade launches kernels for {share:.0%} of the first one's work: it lives on what that one left",
+    )
+    yield _judged(
+        not (first.shows(other) or first.shows(carried)),
+        "another camera gives another picture, the number of the frame being the same",
+        "another camera gives the same picture where the number of the frame is the same: it is kept by number",
+    )
+    stale = _Answer(cls(), scene, beside, updated_to=frames[0])
+    yield _judged(
+        stale.same(other),
+        "what update makes serves every camera",
+        "without a new update another camera gives a wrong answer: update does what depends on the eye",
+    )
+    renumbered = _Answer(cls(), scene, dataclasses.replace(frames[1], index=0))
+    yield _judged(
+        not (first.updated > 0 and renumbered.updated == 0),
+        "update works again when things have moved, the number of the frame being the same",
+        "update launches nothing when things have moved and the number of the frame is the same: it is kept by number",
+    )
+
+
+def _busy() -> float:
+    """Cores that this process keeps busy, though nothing was asked of it and the device is done."""
+    import drjit as dr
+
+    dr.sync_thread()
+    wall, cpu = time.perf_counter(), time.process_time()
+    time.sleep(PAUSE_S)
+    return (time.process_time() - cpu) / (time.perf_counter() - wall)
+
+
+def _done(busy: float, threads: int) -> Iterator[Finding]:
+    """That nothing goes on once the verbs have returned: `busy` cores more than before, and so many threads more."""
+    yield _judged(
+        busy <= BUSY,
+        "nothing works on after shade has returned",
+        f"after shade has returned, {busy:.1f} cores work on: the clock is stopped before the work is done",
+    )
+    if threads > 0:
+        yield Finding("warn", f"{threads} threads of its own are there after shade has returned")
 
 
 def tiny_scene() -> Scene:
@@ -166,48 +246,80 @@ def tiny_scene() -> Scene:
 
 
 class _Answer:
-    """One frame from a fresh state. `broken` is why it cannot be looked at, or None."""
+    """One frame from a fresh state, updated to that frame or to another one.
 
-    def __init__(self, method: Method, scene: Scene, frame: Frame) -> None:
+    broken    why it cannot be looked at, or None
+    wrote     the fields of the frame that changed while it was shaded, or updated to
+    launched  kernels inside shade
+    work      of shade and its answer, see `_watched`; `updated`: of update
+    """
+
+    def __init__(self, method: Method, scene: Scene, frame: Frame, updated_to: Frame | None = None) -> None:
+        self._begin(method, scene)
+        with self._guarded():
+            prepared = method.prepare(scene)
+            state, _, self.updated = self._watched(lambda own: method.update(prepared, own), updated_to or frame)
+            self._shade(state, frame)
+
+    def _begin(self, method: Method, scene: Scene) -> None:
+        self.method, self.scene = method, scene
+        self.broken: str | None = None
+        self.wrote, self.launched, self.work, self.updated = "", 0, 0, 0
+
+    def again(self, frame: Frame, cold: bool = False) -> _Answer:
+        """The answer to a frame that follows, from the state that this one left; `cold`: from the state that it had."""
+        other = object.__new__(_Answer)
+        other._begin(self.method, self.scene)
+        with other._guarded():
+            other._shade(self.start if cold else self.state, frame)
+        return other
+
+    @contextlib.contextmanager
+    def _guarded(self) -> Iterator[None]:
+        from benchharness import contract
+
+        try:
+            yield
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # a plugin may raise what is no Exception
+            self.broken = contract.account(error)
+
+    def _shade(self, state: Any, frame: Frame) -> None:
+        from benchharness import contract
+
+        shaded, self.launched, self.work = self._watched(
+            lambda own: self.method.shade(state, own), dataclasses.replace(frame, doubts=True)
+        )
+        reflection, self.state = contract.answer(shaded, frame, self.scene)
+        self.start = state
+        self._read(reflection, frame)
+
+    def _watched(self, verb: Callable[[Frame], Any], frame: Frame) -> tuple[Any, int, int]:
+        """What a verb makes of a frame that it is lent, evaluated; the kernels that it launched itself; and the work of all,
+        lanes times operations. Notes what it wrote into the frame."""
         import drjit as dr
 
-        self.broken: str | None = None
-        self.lanes = frame.view.width * frame.view.height
-        frame = dataclasses.replace(frame, doubts=True)
-        try:
-            state = method.prepare(scene)
-            state = method.update(state, frame)
-            dr.eval(state)
-            dr.sync_thread()
+        from benchharness import contract
+
+        own, before = contract.lent(frame), contract.fingerprint(frame)
+        dr.sync_thread()
+        with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
             dr.kernel_history_clear()
-            with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
-                reflection, state = method.shade(state, frame)
-                self.launched = len(dr.kernel_history([dr.KernelType.JIT]))
-            dr.eval(reflection.L, reflection.distance, reflection.found, reflection.doubt, reflection.counters, state)
-            self._read(reflection, frame)
-        except Exception as error:
-            self.broken = f"{type(error).__name__}: {error}"
+            result = verb(own)
+            inside = dr.kernel_history([dr.KernelType.JIT])
+            dr.eval(result)
+            dr.sync_thread()
+            kernels = inside + dr.kernel_history([dr.KernelType.JIT])
+        self.wrote = self.wrote or contract.written(before, own) or contract.written(before, frame)
+        return result, len(inside), sum(kernel["size"] * kernel["operation_count"] for kernel in kernels)
 
     def _read(self, reflection: Reflection, frame: Frame) -> None:
-        import drjit as dr
-        import mitsuba as mi
-
-        for name, kind in (("L", mi.Color3f), ("distance", mi.Float), ("found", mi.Bool)):
-            value = getattr(reflection, name)
-            if not isinstance(value, kind):
-                raise TypeError(f"{name} is {type(value).__name__}; accepted: {kind.__name__}")
-            if dr.width(value) != self.lanes:
-                raise TypeError(f"{name} has {dr.width(value)} lanes; accepted: {self.lanes}, one per pixel")
-        if reflection.doubt is not None:
-            if not isinstance(reflection.doubt, mi.Bool):
-                raise TypeError(f"doubt is {type(reflection.doubt).__name__}; accepted: Bool, or None")
-            if dr.width(reflection.doubt) not in (1, self.lanes):
-                lanes = dr.width(reflection.doubt)
-                raise TypeError(f"doubt has {lanes} lanes; accepted: {self.lanes}, one per pixel, or one for all")
+        lanes = frame.view.width * frame.view.height
         self.active = np.array(frame.active)
-        self.L = np.array(reflection.L).T
-        self.distance = np.array(reflection.distance)
-        self.found = np.array(reflection.found) & self.active
+        self.L = np.broadcast_to(np.array(reflection.L).T, (lanes, 3))
+        self.distance = np.broadcast_to(np.array(reflection.distance), lanes)
+        self.found = np.broadcast_to(np.array(reflection.found), lanes) & self.active
 
     def same(self, other: _Answer) -> bool:
         """Bit for bit, in the pixels where both see a reflector."""
@@ -217,6 +329,11 @@ class _Answer:
         return all(
             getattr(self, name)[both].tobytes() == getattr(other, name)[both].tobytes() for name in ("L", "distance", "found")
         )
+
+    def shows(self, other: _Answer) -> bool:
+        """Whether the other's picture is this one, bit for bit, in the pixels where both see a reflector."""
+        both = self.active & other.active if not (self.broken or other.broken) else np.zeros(1, bool)
+        return bool(both.any()) and self.L[both].tobytes() == other.L[both].tobytes()
 
     def mean(self) -> np.ndarray:
         return self.L[self.found].mean(axis=0)

@@ -81,10 +81,13 @@ class FrameRenderer:
 
     def render(self, index: int) -> Frame:
         """The frame number `index` of the animation, evaluated."""
-        return self.draw(index, self.view(index))
+        frame = self.draw(index, self.view(index))
+        dr.eval(frame)
+        return frame
 
     def draw(self, index: int, view: View) -> Frame:
-        """Frame `index` as seen by `view`: the part of `render` that is timed as `gbuffer_ms`."""
+        """Frame `index` as seen by `view`: the part of `render` that is timed as `gbuffer_ms`. Its `boxes` are those of the
+        scene's own camera."""
         poses, world = self._placed(self.scene.poses(self.scene.time(index)))
         visibility = raster.rasterize(world.points, world.faces, world.face_count, view, cull="back")
         reflector, active, p, n, radiance = _first_hits(world, visibility, self.surroundings, view, len(self.scene.objects))
@@ -93,14 +96,17 @@ class FrameRenderer:
         time = self.scene.time(index)
         return Frame(
             index, time, view, poses, reflector, active, pixels, p, n, v, radiance, self.surfaces, self.proxies,
-            [self._box(reflector, time) for reflector in self.scene.reflectors],
+            self.boxes(self.scene.camera(time), time),
         )  # fmt: skip
 
-    def _box(self, reflector: Reflector, time: float) -> tuple[int, int, int, int]:
-        """The pixels that a reflector's proxy may be seen in; far beyond the picture where it reaches behind the eye."""
+    def boxes(self, camera: Camera, time: float) -> list[tuple[int, int, int, int]]:
+        """Per reflector the pixels that its proxy may be seen in; far beyond the picture where it reaches behind the eye."""
+        rows = camera.world_to_screen(self.width, self.height)
+        return [self._box(reflector, rows, time) for reflector in self.scene.reflectors]
+
+    def _box(self, reflector: Reflector, rows: np.ndarray, time: float) -> tuple[int, int, int, int]:
         pose = reflector.pose(time)
         vertices = (reflector.closed or reflector.mesh).vertices @ pose[:3, :3].T + pose[:3, 3]
-        rows = self.scene.camera(time).world_to_screen(self.width, self.height)
         q = vertices @ rows[:, :3].T + rows[:, 3]
         if (q[:, 2] <= self.scene.near_plane).any():
             return (-10 * self.width, -10 * self.height, 11 * self.width, 11 * self.height)

@@ -1,55 +1,34 @@
 """Measures methods on one scene, frame by frame: three clocks, errors against the reference, and what vertices tell.
 
 A frame is measured at the end of a run-up: the method shades the frames just before it, cold at the first, so that what
-it carries from frame to frame is there, and so that the numbers do not depend on which frames were measured before.
-Rounds are interleaved over the methods, so that drift of the machine hits all alike.
+it carries from frame to frame is there, and so that the numbers do not depend on which frames were measured before. Errors
+and counters are the run-up's; times are taken afterwards, on frames beside the measured one (`benchharness.rounds`).
+
+All that a method can make fail is inside of what takes that for its own failure.
 """
 
 from __future__ import annotations
 
-import traceback
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-import drjit as dr
 import numpy as np
 
-from benchharness import metrics, reference, results, timing, truth
+from benchharness import contract, metrics, reference, results, timing, truth
 from benchharness.api import Frame, Method, Reflection, Vertices
+from benchharness.entry import Entry, guarded
 from benchharness.frame import FrameRenderer
 from benchharness.orientation import oriented
 from benchharness.ready import ready
 from benchharness.regime import Seen
+from benchharness.rounds import Rounds, kept
 from benchharness.scene import Scene, refined
 
 RUN_UP = 2  # frames shaded before the one that is measured; jitter is a second difference and needs both
 VERTEX_SAMPLE = 150  # vertices per reflector whose true reflection point is solved for
 WRONG_PX = 2.0  # further off than this is the wrong point, not an inaccurate one
-KERNEL_ROUNDS = 3
-
-
-@dataclass
-class _Entry:
-    """A method on this scene. `state` is what `prepare` returned; `broken` why it stopped."""
-
-    method: Method
-    state: Any = None
-    prepare_ms: float | None = None
-    first_ms: float | None = None
-    broken: str | None = None
-    outdated: Any = None
-    """State before the last update of the run-up: what updates are timed from."""
-    before: Any = None
-    """State after the run-up and, if something moved, the update: what the measured frame is shaded from."""
-    shown: list[tuple[np.ndarray, Reflection]] = field(default_factory=list)
-    samples: dict[str, list[float]] = field(default_factory=dict)
-    error: np.ndarray | None = None
-    """FLIP map of the last frame."""
-
-
 DARK = 3e-4  # of display white: the first step of eight bits in sRGB
 MOSTLY = 0.5  # of the mirrors' pixels
 OTHER_MASK = 0.02  # share of the mirrors' pixels that may be a mirror's in one of frame and reference alone, and
@@ -72,39 +51,56 @@ class Bench:
         self.given = refined(oriented(scene)[0])
         self.size, self.options, self.out, self.seed, self.rounds = size, options, out, seed, rounds
         self.renderer = FrameRenderer(self.scene, *size)
-        self.entries: dict[str, _Entry] = {}
+        self.entries: dict[str, Entry] = {}
 
     def run_frame(
         self, index: int, methods: Mapping[str, Method], watch: Callable[[str], None]
     ) -> tuple[list[dict], list[dict]]:
         """Records and samples of one frame; see `benchharness.worker.Bench`."""
         frames, references = self._frames(index)
-        entries = {name: self.entries.setdefault(name, _Entry(method)) for name, method in methods.items()}
+        facts = self._facts(frames, references)
+        entries = {name: self.entries.setdefault(name, Entry(method)) for name, method in methods.items()}
+        prints, rounds = _prints(frames), Rounds(self.renderer, frames, self.rounds)
+        measured, pictures = {}, {}
         for name, entry in entries.items():
-            with self._guarded(name, entry, watch):
+            if entry.broken is not None:
+                continue
+            entry.begin()
+            with guarded(name, entry, watch):
                 self._run_up(entry, frames)
-                if entry.broken is None:
-                    _warm_up(entry, frames[-1])
-        common = self._timed(entries, frames[-1], watch)
-        calibration = {"calibration_ms": float(np.median(common["calibration"]))}
+                rounds.warm_up(entry)
+                measured[name] = self._measured(entry, frames, references)
+                pictures[name] = self._pictures(entry) if self.out is not None else {}
+            if self._harmed(entry, frames, prints):
+                frames, _ = self._frames(index)
+                prints, rounds = _prints(frames), Rounds(self.renderer, frames, self.rounds)
+        common = rounds.run(entries, watch)
+        shared = {"calibration_ms": float(np.median(common["calibration"]))} | facts
         records = []
         for name, entry in entries.items():
-            record = _trusted(self._record(entry, frames, references)) | calibration
-            clocks = self._clocks(entry, frames, common) if entry.broken is None else {}
-            records.append({"entry": name, **record, **clocks})
+            if entry.broken is not None:
+                records.append({"entry": name, **_crashed(entry), **shared})
+                continue
+            record = _trusted(_sound({**measured[name], **shared}, kept(entry, frames[-1])))
+            records.append({"entry": name, **record, **self._clocks(entry, frames, common)})
         if self.out is not None:
-            self._keep_pictures(index, entries, methods, references[-1])
+            whole = {name: pictures[name] for name, entry in entries.items() if entry.broken is None}
+            self._keep_pictures(index, whole, references[-1])
         return records, list(_samples(entries, common))
 
     def show(self, index: int, name: str, method: Method) -> tuple[dict, Seen | None]:
         """What a method shows of one frame: the measured columns but for the clocks, and the pictures; None if it crashed."""
         frames, references = self._frames(index)
         frames = [replace(frame, doubts=True) for frame in frames]
-        entry = _Entry(method)
-        with self._guarded(name, entry, lambda entry: None):
+        facts, prints, entry = self._facts(frames, references), _prints(frames), Entry(method)
+        record, seen = {}, None
+        with guarded(name, entry, lambda entry: None):
+            entry.begin()
             self._run_up(entry, frames)
-        record = self._record(entry, frames, references)
-        return record, None if entry.broken is not None else self._seen(entry, frames[-1], references[-1], record)
+            record = _sound({**self._measured(entry, frames, references), **facts}, None)
+            seen = self._seen(entry, frames[-1], references[-1], record)
+        self._harmed(entry, frames, prints)
+        return (record, seen) if entry.broken is None else ({**_crashed(entry), **facts}, None)
 
     def _frames(self, index: int) -> tuple[list[Frame], list[reference.Reference]]:
         """A frame with its run-up, and the references of the last two."""
@@ -114,102 +110,55 @@ class Bench:
             reference.render(self.scene, self.scene.time(i), self.size, self.options, self.seed) for i in chain[-2:]
         ]
 
-    @contextmanager
-    def _guarded(self, name: str, entry: _Entry, watch: Callable[[str], None]) -> Iterator[None]:
-        """A method's exception ends that method on this scene and nothing else."""
-        watch(name)
-        try:
-            yield
-        except Exception as error:  # whatever a plugin may raise
-            traceback.print_exc()
-            entry.broken = f"{type(error).__name__}: {error}"
-        watch("")
-
-    def _run_up(self, entry: _Entry, frames: list[Frame]) -> None:
+    def _run_up(self, entry: Entry, frames: list[Frame]) -> None:
         """Prepares where that is still to do, and shades the frames in order, the last one included."""
-        entry.shown, entry.samples = [], {"update": [], "shade": []}
-        if entry.broken is not None:
-            return
         if entry.state is None:
             entry.state, entry.prepare_ms = timing.timed(lambda: entry.method.prepare(self.scene))
         entry.outdated = entry.state
-        state, _ = timing.timed(lambda: entry.method.update(entry.state, frames[0]))
+        state, _ = contract.updated(entry.method, entry.state, frames[0])
         for previous, frame in zip([None, *frames], frames, strict=False):
             if previous is not None and self.scene.moves(previous.time, frame.time):
                 entry.outdated = state
-                state, _ = timing.timed(lambda state=state, frame=frame: entry.method.update(state, frame))
+                state, _ = contract.updated(entry.method, state, frame)
             entry.before = state
-            (reflection, state), ms = timing.timed(lambda state=state, frame=frame: entry.method.shade(state, frame))
+            reflection, state, ms = contract.shaded(entry.method, state, frame, self.scene)
             entry.first_ms = ms if entry.first_ms is None else entry.first_ms
-            check_lanes(reflection, frame)
             image = self._picture(self.renderer.compose(frame, reflection.L))
             entry.shown.append((image, reflection))
 
-    def _timed(self, entries: dict[str, _Entry], frame: Frame, watch: Callable[[str], None]) -> dict[str, list[float]]:
-        """Interleaved rounds of everything; what no method owns is returned: G-buffer, composite, calibration."""
-        common: dict[str, list[float]] = {"gbuffer": [], "composite": [], "calibration": []}
-        running = {name: entry for name, entry in entries.items() if entry.broken is None}
-        view = frame.view
-        for _ in range(3):
-            self.renderer.draw(frame.index, view)
-        least, most = self.rounds
-        for number in range(most):
-            common["calibration"].append(timing.calibration_ms())
-            common["gbuffer"].append(timing.timed(lambda: self.renderer.draw(frame.index, view).pixels)[1])
-            for name, entry in running.items():
-                if entry.broken is not None:
-                    continue
-                with self._guarded(name, entry, watch):
-                    self._round(entry, frame, number < least)
-            L = next((e.shown[-1][1].L for e in running.values() if e.broken is None), None)
-            if L is not None:
-                common["composite"].append(timing.timed(lambda L=L: self.renderer.compose(frame, L))[1])
-            if number + 1 >= least and all(e.broken or timing.settled(e.samples["shade"]) for e in running.values()):
-                break
-        for name, entry in running.items():
-            if entry.broken is None:
-                with self._guarded(name, entry, watch):
-                    histories = [
-                        timing.kernels_of(lambda entry=entry: _timed_part(entry.method.shade(entry.before, frame)))
-                        for _ in range(KERNEL_ROUNDS)
-                    ]
-                    entry.samples["kernel"] = [timing.kernel_ms(history) for history in histories]
-        return common
-
-    @staticmethod
-    def _round(entry: _Entry, frame: Frame, with_update: bool) -> None:
-        if with_update:
-            entry.samples["update"].append(timing.timed(lambda: entry.method.update(entry.outdated, frame))[1])
-        shaded = timing.timed(lambda: _timed_part(entry.method.shade(entry.before, frame)))
-        entry.samples["shade"].append(shaded[1])
+    def _harmed(self, entry: Entry, frames: list[Frame], prints: list[dict[str, int]]) -> bool:
+        """Whether a method wrote into the memory of `frames`, whose fingerprints were `prints`; it is out then, and what
+        renders frames is another one."""
+        harm = [contract.written(before, frame) for before, frame in zip(prints, frames, strict=True)]
+        if not any(harm):
+            return False
+        entry.broken = f"it writes into memory that all methods are lent: {next(filter(None, harm))} of the frame"
+        self.renderer = FrameRenderer(self.scene, *self.size)
+        return True
 
     def _picture(self, image: Any) -> np.ndarray:
         return np.array(image, np.float32).T.reshape(self.size[1], self.size[0], 3)
 
-    def _record(self, entry: _Entry, frames: list[Frame], references: list) -> dict:
-        """The measured columns of one row, but for the clocks."""
+    def _facts(self, frames: list[Frame], references: list[reference.Reference]) -> dict:
+        """The measured columns of one row that no method has a part in."""
         truth_ = references[-1]
         black = truth_.image.max(axis=2) * 2.0**self.scene.exposure < DARK
-        facts = {
+        return {
             "reflector_px": len(frames[-1].pixels),
             "reference_px": int(truth_.mask.sum()),
             "mask_diff_px": int((truth_.mask ^ np.array(frames[-1].active).reshape(truth_.mask.shape)).sum()),
             "dark_px": int((truth_.mask & black).sum()),
             "back_px": int((truth_.mask & truth_.back).sum()),
-            "reference_spp": references[-1].spp,
-            "reference_noise": metrics.noise(references[-1], ppd=self.scene.ppd, exposure=self.scene.exposure),
+            "reference_spp": truth_.spp,
+            "reference_noise": metrics.noise(truth_, ppd=self.scene.ppd, exposure=self.scene.exposure),
         }
-        if entry.broken is not None:
-            return {"status": "crashed", "reason": entry.broken, **facts}
-        record = {"status": "ok", **facts, **self._errors(entry, frames, references)}
-        record["counters"] = results.params_text(
-            {name: int(np.array(count, np.int64).sum()) for name, count in entry.shown[-1][1].counters.items()}
-        )
-        if record["nonfinite_px"]:
-            record |= {"status": "invalid", "reason": f"{record['nonfinite_px']} pixels are NaN, infinite or negative"}
-        return record
 
-    def _clocks(self, entry: _Entry, frames: list[Frame], common: dict[str, list[float]]) -> dict:
+    def _measured(self, entry: Entry, frames: list[Frame], references: list[reference.Reference]) -> dict:
+        """The columns that tell of the answer."""
+        counters = results.params_text(contract.counted(entry.shown[-1][1]))
+        return {**self._errors(entry, frames, references), "counters": counters}
+
+    def _clocks(self, entry: Entry, frames: list[Frame], common: dict[str, list[float]]) -> dict:
         shade_ms, low, high = timing.median_interval(entry.samples["shade"])
         update_ms, gbuffer_ms = float(np.median(entry.samples["update"])), float(np.median(common["gbuffer"]))
         moves = len(frames) > 1 and self.scene.moves(frames[-2].time, frames[-1].time)
@@ -225,7 +174,7 @@ class Bench:
             "frame_ms": gbuffer_ms + moves * update_ms + shade_ms + float(np.median(common["composite"])),
         }
 
-    def _errors(self, entry: _Entry, frames: list[Frame], references: list) -> dict:
+    def _errors(self, entry: Entry, frames: list[Frame], references: list) -> dict:
         image, reflection = entry.shown[-1]
         truth_ = references[-1]
         shape = truth_.mask.shape
@@ -237,7 +186,7 @@ class Bench:
         record: dict[str, Any] = metrics.evaluate(image, truth_.image, mask, **seen_at, found=found, error=entry.error)
         record |= self._second(entry.error, truth_.second & mask)
         record["distance_err"] = metrics.distance_error(distance, truth_.distance, mask & found)
-        record["nonfinite_px"] += int((np.isnan(distance) & mask & found).sum())
+        record["nonfinite_px"] += int(((np.isnan(distance) | (distance < 0)) & mask & found).sum())
         if len(references) > 1:
             both = mask & references[0].mask & np.array(frames[-2].active).reshape(shape)
             pictures = (entry.shown[-2][0], image, references[0].image, truth_.image)
@@ -246,7 +195,7 @@ class Bench:
             record |= self._vertices(entry, frames)
         return record
 
-    def _seen(self, entry: _Entry, frame: Frame, truth_: reference.Reference, record: dict) -> Seen:
+    def _seen(self, entry: Entry, frame: Frame, truth_: reference.Reference, record: dict) -> Seen:
         """The last frame that `entry` showed, beside the reference; lengths and places as the scene's author has them.
 
         What a method leaves at pixels without a mirror may be anything, and differ from call to call: it is not shown.
@@ -283,7 +232,7 @@ class Bench:
         mean = None if one_bounce or not second.any() else float(error[second].astype(np.float64).mean())
         return {"second_px": int(second.sum()), "flip_second": mean}
 
-    def _vertices(self, entry: _Entry, frames: list[Frame]) -> dict:
+    def _vertices(self, entry: Entry, frames: list[Frame]) -> dict:
         """What the reflection points found are worth: screen distances to the true ones, of a sample of vertices."""
         found = entry.shown[-1][1].vertices
         assert found is not None
@@ -324,20 +273,40 @@ class Bench:
         seen = truth.roots(self.scene, frame.time, self.size, number, sample, R, virtual, usable)
         return np.linalg.norm(seen.found - seen.true, axis=1), seen.virtual - seen.image
 
-    def _keep_pictures(self, index: int, entries: dict[str, _Entry], methods: Mapping[str, Method], truth_: Any) -> None:
-        """The reference, every method's picture and its error map, as PNG."""
+    def _pictures(self, entry: Entry) -> dict[str, np.ndarray]:
+        """What the method shows, and its error map, kind -> uint8 [H, W, 3]."""
+        assert entry.error is not None
+        return {
+            "image": metrics.tonemap(entry.shown[-1][0], self.scene.exposure),
+            "error": metrics.error_picture(entry.error),
+        }
+
+    def _keep_pictures(self, index: int, pictures: Mapping[str, dict[str, np.ndarray]], truth_: reference.Reference) -> None:
+        """Writes the reference and what `_pictures` made of every entry, as PNG."""
         assert self.out is not None
         self.out.mkdir(parents=True, exist_ok=True)
-        scene, exposure = self.scene, self.scene.exposure
-        names = (scene.name, scene.detail, index)
-        metrics.save_png(self.out / results.image_name(*names, "reference"), metrics.tonemap(truth_.image, exposure))
-        for name, entry in entries.items():
-            if entry.broken is None and entry.error is not None:
-                method, _, params = name.partition(" ")
-                image = entry.shown[-1][0]
-                error = metrics.error_picture(entry.error)
-                for kind, pixels in (("image", metrics.tonemap(image, exposure)), ("error", error)):
-                    metrics.save_png(self.out / results.image_name(*names, kind, method, params), pixels)
+        names = (self.scene.name, self.scene.detail, index)
+        shown = metrics.tonemap(truth_.image, self.scene.exposure)
+        metrics.save_png(self.out / results.image_name(*names, "reference"), shown)
+        for name, kinds in pictures.items():
+            method, _, params = name.partition(" ")
+            for kind, pixels in kinds.items():
+                metrics.save_png(self.out / results.image_name(*names, kind, method, params), pixels)
+
+
+def _prints(frames: list[Frame]) -> list[dict[str, int]]:
+    return [contract.fingerprint(frame) for frame in frames]
+
+
+def _crashed(entry: Entry) -> dict:
+    return {"status": "crashed", "reason": entry.broken}
+
+
+def _sound(measured: dict, kept: str | None) -> dict:
+    """The record with its status: "invalid" for a picture that is none, or whose time is not the time of making it."""
+    if measured["nonfinite_px"]:
+        kept = f"{measured['nonfinite_px']} pixels are NaN, infinite or negative"
+    return {"status": "ok", **measured} if kept is None else {"status": "invalid", "reason": kept, **measured}
 
 
 def _trusted(record: dict) -> dict:
@@ -356,22 +325,6 @@ def _trusted(record: dict) -> dict:
     return record if reason is None else record | {"status": "invalid", "reason": reason}
 
 
-def check_lanes(reflection: Reflection, frame: Frame) -> None:
-    """Raises ValueError for an answer that has neither one lane per pixel nor one for all."""
-    pixels = frame.view.width * frame.view.height
-    for name in ("L", "distance", "found", "doubt"):
-        if name == "doubt" and reflection.doubt is None:
-            continue
-        lanes = dr.width(getattr(reflection, name))
-        if lanes not in (1, pixels):
-            raise ValueError(f"{name} has {lanes} lanes; accepted: {pixels}, one per pixel")
-
-
-def _warm_up(entry: _Entry, frame: Frame) -> None:
-    timing.warm_up(lambda: entry.method.update(entry.outdated, frame))
-    timing.warm_up(lambda: _timed_part(entry.method.shade(entry.before, frame)))
-
-
 def converged_share(converged: np.ndarray, region: np.ndarray, iterations: np.ndarray) -> float | None:
     """Share that converged of the vertices that were searched and are not hidden, None if there are none; [N] each, as in
     `benchharness.api.Vertices`. A search that came to nothing leaves its vertex in region 0."""
@@ -386,13 +339,7 @@ def run_up(index: int, frames: int) -> list[int]:
     return [i for i in (index + 2, index + 1) if i < frames] + [index]
 
 
-def _timed_part(shaded: tuple[Reflection, Any]) -> tuple:
-    """What a frame needs of `shade`: the picture and the state that the next frame starts from."""
-    reflection, state = shaded
-    return reflection.L, reflection.distance, reflection.found, state
-
-
-def _samples(entries: dict[str, _Entry], common: dict[str, list[float]]) -> Iterator[dict]:
+def _samples(entries: dict[str, Entry], common: dict[str, list[float]]) -> Iterator[dict]:
     owned = [("", common), *((name, entry.samples) for name, entry in entries.items())]
     for name, clocks in owned:
         for clock, values in clocks.items():

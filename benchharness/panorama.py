@@ -18,6 +18,13 @@ from dataclasses import dataclass
 import numpy as np
 
 
+def read_only(array: np.ndarray) -> np.ndarray:
+    """The same numbers, which nobody writes to through what is returned."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
 @dataclass(frozen=True, eq=False)
 class Environment:
     """A distant environment: radiance by direction, whatever the point it is looked at from.
@@ -47,7 +54,7 @@ class Environment:
         centre = np.asarray(self.centre, np.float64)
         if centre.shape != (3,) or not np.isfinite(centre).all():
             raise ValueError(f"environment: centre is {self.centre}; accepted: three finite numbers")
-        object.__setattr__(self, "radiance", radiance)
+        object.__setattr__(self, "radiance", read_only(radiance))
         object.__setattr__(self, "centre", tuple(centre.tolist()))
 
     @classmethod

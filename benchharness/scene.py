@@ -19,6 +19,7 @@ from functools import cached_property
 import numpy as np
 
 from benchharness.panorama import Environment as Environment
+from benchharness.panorama import read_only
 from benchharness.subdivision import split_edges
 
 Motion = Callable[[float], np.ndarray]
@@ -40,7 +41,8 @@ class Mesh:
     radiance   float64 [V, 3] radiance that leaves the surface, highlights aside, baked; None until then
     visibility float64 [V, L] in [0, 1]: how much of each of `Scene.lights` is seen, baked where highlights need it; else None
 
-    Raises ValueError for no faces, non-finite numbers, and indices out of range.
+    None of them can be written to: whoever wants another mesh makes one. Raises ValueError for no faces, non-finite numbers,
+    and indices out of range.
     """
 
     vertices: np.ndarray
@@ -72,9 +74,9 @@ class Mesh:
             ("albedo", self._per_vertex("albedo", self.albedo, len(vertices))),
             ("emission", self._per_vertex("emission", self.emission, len(vertices))),
         ]:
-            object.__setattr__(self, name, value)
+            object.__setattr__(self, name, read_only(value))
         if self.radiance is not None:
-            object.__setattr__(self, "radiance", self._per_vertex("radiance", self.radiance, len(vertices)))
+            object.__setattr__(self, "radiance", read_only(self._per_vertex("radiance", self.radiance, len(vertices))))
         if self.visibility is not None:
             visibility = np.ascontiguousarray(self.visibility, np.float64)
             if visibility.shape not in [(len(vertices), n + 1) for n in range(MOST_LIGHTS)]:
@@ -83,7 +85,7 @@ class Mesh:
                 )
             if not ((visibility >= 0) & (visibility <= 1)).all():
                 raise ValueError("mesh: visibility is not within 0 and 1; accepted: the share of a light that is seen")
-            object.__setattr__(self, "visibility", visibility)
+            object.__setattr__(self, "visibility", read_only(visibility))
 
     @staticmethod
     def _per_vertex(name: str, value, n: int) -> np.ndarray:

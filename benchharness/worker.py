@@ -66,6 +66,7 @@ def main(job_file: str) -> None:
 
 def _work(job: dict[str, Any], say: Callable[[dict], None]) -> None:
     platform.use_variant(job["variant"])
+    from benchharness import contract
     from benchharness.config import Entry, SceneSpec
     from benchharness.reference import ReferenceOptions
 
@@ -78,10 +79,10 @@ def _work(job: dict[str, Any], say: Callable[[dict], None]) -> None:
         watch(entry.key)
         method = entry.build()
         try:
-            refusal, status = _refusal(method, scene), "refused"
-        except Exception as error:
+            refusal, status = contract.refusal(method, scene), "refused"
+        except BaseException as error:  # a plugin may raise what is no Exception
             traceback.print_exc()
-            refusal, status = f"refuses: {plugins.said(error)}", "crashed"
+            refusal, status = f"refuses: {contract.account(error)}", "crashed"
         watch("")
         if refusal is None:
             methods[entry.key] = method
@@ -102,14 +103,6 @@ def _work(job: dict[str, Any], say: Callable[[dict], None]) -> None:
         records, samples = bench.run_frame(frame, methods, watch)
         assert [r["entry"] for r in records] == list(methods), "one record per entry, in their order"
         say({"event": "frame", "frame": frame, "records": records, "samples": samples})
-
-
-def _refusal(method: Method, scene: Scene) -> str | None:
-    """The sentence why a method cannot serve a scene, or None. Raises TypeError for anything else."""
-    refusal = method.refuses(scene)
-    if refusal is None or (isinstance(refusal, str) and refusal.strip()):
-        return refusal
-    raise TypeError(f"the answer is {plugins.shown(refusal)}; accepted: a sentence, or None")
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from benchharness import measure, metrics, results
 from benchharness.api import Method, Reflection
 from benchharness.measure import Bench, converged_share, run_up
 from benchharness.reference import ReferenceOptions
+from benchharness.rounds import KERNEL_ROUNDS
 from benchharness.scene import Object, Reflector, Scene
 from methods.environment_map import EnvironmentMap
 from methods.image_space_search import ImageSpaceSearch
@@ -82,6 +83,8 @@ class Constant(Method):
     def prepare(self, scene: Scene) -> Any:
         if self.fault == "prepare":
             raise RuntimeError("no room")
+        if self.fault == "scene":
+            scene.reflectors[0].mesh.vertices[:] = 0
         return dr.opaque(mi.Float, self.L)
 
     def update(self, state, frame):
@@ -99,12 +102,78 @@ class Constant(Method):
         distance = dr.full(mi.Float, dr.nan if self.fault == "distance" else 1.0, 7 if self.fault == "lanes" else count)
         if self.fault == "nan":
             L = dr.select(dr.arange(mi.UInt32, count) % 2 == 0, L, dr.nan)
+        if self.fault == "exit":
+            raise SystemExit(0)
+        if self.fault == "speechless":
+            raise Speechless
+        if self.fault == "memory of the frame":
+            frame.n.x.numpy()[:] = 0
         found = frame.active & (dr.arange(mi.UInt32, count) % 2 == 0) if self.fault == "half" else frame.active
         if self.fault == "half":
             distance = dr.select(found, distance, 100.0)
         if self.fault == "litter":  # in lanes without a mirror, a signalling NaN
             distance = dr.select(frame.active, distance, dr.reinterpret_array(mi.Float, dr.full(mi.UInt32, 0x7F800001, count)))
-        return Reflection(L, distance, found, counters={"looks": mi.UInt32(frame.active)}), state
+        answer = Reflection(L, distance, found, counters={"looks": mi.UInt32(frame.active)})
+        wrong = {
+            "counters": {"counters": None},
+            "counter": {"counters": {"looks": 10**40}},
+            "found": {"found": mi.Float(found)},
+            "vertices": {"vertices": "all"},
+        }
+        answer = replace(answer, **wrong.get(self.fault, {}))
+        return None if self.fault == "nothing" else (answer, state)  # type: ignore[return-value]
+
+
+class Speechless(Exception):
+    def __str__(self) -> str:
+        raise RuntimeError("not even that")
+
+
+@dataclass(frozen=True)
+class Vandal(Method):
+    """Shows what traced rays show, and writes into its frame."""
+
+    paper: ClassVar[str] = "none"
+
+    def prepare(self, scene: Scene) -> Any:
+        return RayTraced().prepare(scene)
+
+    def update(self, state, frame):
+        state = RayTraced().update(state, frame)
+        frame.poses *= 2
+        frame.surfaces.clear()
+        return state
+
+    def shade(self, state, frame):
+        answer = RayTraced().shade(state, frame)
+        frame.n.x[dr.arange(mi.UInt32, 50)] = 3.0
+        frame.p += 1
+        dr.scatter(frame.active, ~frame.active, dr.arange(mi.UInt32, dr.width(frame.active)))
+        frame.boxes[0] = (0, 0, 1, 1)
+        frame.view.eye.x += 1
+        return answer
+
+
+@dataclass(frozen=True)
+class Keeping(Method):
+    """Traced rays, kept by the number of the frame; `asked`: the frames that shade was given, index and eye."""
+
+    paper: ClassVar[str] = "none"
+    keeps: bool = True
+    asked: ClassVar[list[tuple[int, float]]] = []
+
+    def prepare(self, scene: Scene) -> Any:
+        return RayTraced().prepare(scene), {}
+
+    def update(self, state, frame):
+        return RayTraced().update(state[0], frame), state[1]
+
+    def shade(self, state, frame):
+        self.asked.append((frame.index, float(frame.view.eye.x[0])))
+        inner, kept = state
+        if frame.index not in kept or not self.keeps:
+            kept[frame.index] = RayTraced().shade(inner, frame)[0]
+        return kept[frame.index], state
 
 
 @pytest.fixture(scope="module")
@@ -209,6 +278,15 @@ def test_pictures_are_written_and_come_out_the_same_twice(tmp_path):
         ("update", "KeyError: 'moved'"),
         ("shade", "ValueError: no root"),
         ("lanes", "ValueError: distance has 7 lanes; accepted: 3072, one per pixel"),
+        ("scene", "ValueError: assignment destination is read-only"),
+        ("counters", "TypeError: counters is None; accepted: a dict, name -> UInt32"),
+        ("counter", "TypeError: counter looks is int; accepted: UInt32"),
+        ("found", "TypeError: found is Float; accepted: Bool"),
+        ("vertices", "TypeError: vertices is str; accepted: Vertices, or None"),
+        ("nothing", "TypeError: shade returns None; accepted: a Reflection and the next state"),
+        ("exit", "SystemExit: 0"),
+        ("speechless", "Speechless: it has no text"),
+        ("memory of the frame", "it writes into memory that all methods are lent: n of the frame"),
     ],
 )
 def test_a_method_that_raises_is_a_crashed_record_and_the_others_are_measured(fault, reason, capfd, tmp_path):
@@ -223,6 +301,62 @@ def test_a_method_that_raises_is_a_crashed_record_and_the_others_are_measured(fa
     assert reason.partition(":")[0] in capfd.readouterr().err  # the traceback is in the log
     assert {"bad", "good", ""} == set(heard)
     assert heard[-1] == ""
+
+
+def test_what_a_method_writes_into_its_frame_changes_nothing_for_the_others(tmp_path):
+    methods = {"vandal": Vandal(), "ray_traced": RayTraced(), "search": ImageSpaceSearch()}
+    together, _ = measured(room(), methods, 2, 3)
+    alone, _ = measured(room(), {name: methods[name] for name in ("ray_traced", "search")}, 2, 3)
+    for key, record in alone.items():
+        assert numbers(together[key]) == numbers(record)
+    assert together[3, "vandal"]["flip"] == alone[3, "ray_traced"]["flip"]
+
+
+def test_memory_that_a_method_wrote_to_is_made_anew_for_the_others(capfd):
+    records, _ = measured(room(), {"bad": Constant(fault="memory of the frame"), "ray_traced": RayTraced()}, 2)
+    alone, _ = measured(room(), {"ray_traced": RayTraced()}, 2)
+    assert numbers(records[2, "ray_traced"]) == numbers(alone[2, "ray_traced"])
+
+
+def test_an_answer_that_is_kept_by_number_is_invalid_and_one_that_is_made_anew_is_not():
+    Keeping.asked.clear()
+    records, _ = measured(room(), {"kept": Keeping(), "anew": Keeping(keeps=False)}, 3)
+    kept, anew = records[3, "kept"], records[3, "anew"]
+    assert anew["status"] == "ok" and kept["status"] == "invalid"
+    assert kept["reason"].startswith("cameras a pixel aside are shown the same picture")
+    assert kept["flip"] == anew["flip"]  # errors and counters are those of the frame itself
+    assert {index for index, _ in Keeping.asked} == {1, 2, 3}
+
+
+def test_no_camera_is_timed_twice():
+    Keeping.asked.clear()
+    _, samples = measured(room(camera=still()), {"anew": Keeping(keeps=False)}, 3)
+    rounds = sum(sample["clock"] == "shade" for sample in samples)
+    # In order: a run-up of three (one camera, it stands still), the warm-up, the rounds, and those of kernels.
+    timed = [eye for _, eye in Keeping.asked][-rounds - KERNEL_ROUNDS :]
+    assert len(set(timed)) == rounds + KERNEL_ROUNDS
+    assert not set(timed) & {eye for _, eye in Keeping.asked[: -rounds - KERNEL_ROUNDS]}
+
+
+def test_pictures_that_cannot_be_written_are_no_methods_failure(tmp_path, monkeypatch):
+    def full(*args):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(metrics, "save_png", full)
+    with pytest.raises(OSError, match="No space left"):
+        measured(room(), {"good": Constant()}, 2, out=tmp_path)
+
+
+def test_a_picture_that_cannot_be_made_is_that_methods_failure(tmp_path, monkeypatch, capfd):
+    def picky(error):
+        if np.ptp(error) > 0.9:
+            raise ValueError("too wrong to look at")
+        return metrics.tonemap(np.zeros((*error.shape, 3)), 0.0)
+
+    monkeypatch.setattr(metrics, "error_picture", picky)
+    records, _ = measured(room(), {"bad": Constant(L=1e6), "good": Constant()}, 2, out=tmp_path)
+    assert records[2, "bad"]["status"] == "crashed" and records[2, "good"]["status"] == "ok"
+    assert len(list(tmp_path.iterdir())) == 3  # the reference, and what the other shows
 
 
 @pytest.mark.parametrize("fault", ["nan", "distance"])

@@ -115,6 +115,25 @@ def test_whatever_one_method_does_the_others_complete_and_every_row_says_why(tmp
     assert (again, told(same)) == (3, told(rows))
 
 
+REFUSALS = """
+        if self.behaviour == "counts": return 7
+        if self.behaviour == "talks": return "no " * 500_000
+        if self.behaviour == "quits": raise SystemExit(0)
+        return None"""
+
+
+def test_what_refuses_that_is_no_sentence_is_that_methods_crash(tmp_path, monkeypatch):
+    monkeypatch.setattr(study, "METHOD", study.METHOD.replace("\n        return None\n", REFUSALS + "\n", 1))
+    path = study.write(tmp_path, '["counts", "talks", "quits", "last"]')
+    code, rows, _ = run(path, tmp_path / "out")
+    found = {row["params"].split("=")[1].split(";")[0]: (row["status"], row["reason"] or "") for row in rows}
+    assert code == 3
+    assert found["counts"] == ("crashed", "refuses: TypeError: refuses returns int; accepted: a sentence, or None")
+    assert found["quits"] == ("crashed", "refuses: SystemExit: 0")
+    assert found["talks"][0] == "refused" and len(found["talks"][1]) < 1100
+    assert found["last"] == ("ok", "")
+
+
 def test_a_scene_that_cannot_be_prepared_is_rows_too(tmp_path):
     code, rows, _ = run(study.write(tmp_path, '["a"]'), tmp_path / "out", "study:Failing")
     assert code == 3

@@ -24,8 +24,9 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from benchharness import measure, plugins, timing
+from benchharness import plugins, timing
 from benchharness.api import Method
+from benchharness.rounds import KERNEL_ROUNDS
 from benchharness.scene import Scene, refined
 from benchharness.speed import depthmaps, edges, popescu
 from benchharness.speed.popescu import Settings, Timed, fps, row
@@ -133,8 +134,8 @@ def _kernels(stage: Stage, settings: Settings) -> list[dict[str, Any]]:
     for name, kind in _rivals(settings).items():
         work = _shade(stage, kind)
         timing.warm_up(work)
-        ms = float(np.median([timing.kernel_ms(timing.kernels_of(work)) for _ in range(measure.KERNEL_ROUNDS)]))
-        note = f"{ms:.3f} ms, median of {measure.KERNEL_ROUNDS}"
+        ms = float(np.median([timing.kernel_ms(timing.kernels_of(work)) for _ in range(KERNEL_ROUNDS)]))
+        note = f"{ms:.3f} ms, median of {KERNEL_ROUNDS}"
         rows.append(row(RAYS, name, "shade, kernels alone", 1e-3 * count / ms, "million/s", note=note))
     return rows
 

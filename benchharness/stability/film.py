@@ -14,10 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from benchharness import params, plugins, reference, timing
+from benchharness import contract, params, plugins, reference
 from benchharness.api import Frame, Method, Reflection
 from benchharness.config import SceneSpec
-from benchharness.measure import check_lanes
 from benchharness.ready import ready
 from benchharness.scene import Scene
 
@@ -155,15 +154,8 @@ def carried(scene: Scene, method: Method, state: Any, frames: Iterable[Frame]) -
     before = None
     for frame in frames:
         if before is None or scene.moves(before, frame.time):
-            state, _ = timing.timed(lambda state=state, frame=frame: method.update(state, frame))
+            state, _ = contract.updated(method, state, frame)
         at = state
-        reflection, state = shaded(method, at, frame)
+        reflection, state, _ = contract.shaded(method, at, frame, scene)
         before = frame.time
         yield frame, reflection, at
-
-
-def shaded(method: Method, state: Any, frame: Frame) -> tuple[Reflection, Any]:
-    """What `method.shade` returns, evaluated. Raises ValueError for wrong lanes."""
-    (reflection, state), _ = timing.timed(lambda: method.shade(state, frame))
-    check_lanes(reflection, frame)
-    return reflection, state

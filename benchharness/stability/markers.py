@@ -21,12 +21,12 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from benchharness import metrics, reference
+from benchharness import contract, metrics, reference
 from benchharness.api import Frame, Method, View
 from benchharness.frame import FrameRenderer
 from benchharness.kernels import depths
 from benchharness.scene import PointLight, Scene
-from benchharness.stability.film import OPTIONS, Film, carried, shaded
+from benchharness.stability.film import OPTIONS, Film, carried
 
 LEAST_PX = 80  # pixels of an image, in every frame
 MOST = 0.3  # share of its mirror's pixels: what is larger is a surrounding, cut off by the mirror's edge
@@ -162,7 +162,7 @@ class Markers:
                     there, shown = frame, reflection
                 else:
                     there = _shifted(renderer, frame.index, (right - middle) / side, (down - middle) / side)
-                    shown = shaded(method, at, there)[0]
+                    shown = contract.shaded(method, at, there, self.scene)[0]
                 L = np.broadcast_to(np.array(shown.L, np.float32).T, (width * height, 3))
                 L = np.where(np.isfinite(L) & np.array(there.active)[:, None], L, 0)
                 places[:, down, :, right] = L.reshape(height, width, 3)
