@@ -28,7 +28,6 @@ from benchharness import platform, plugins, processes
 
 if TYPE_CHECKING:
     from benchharness.api import Method
-    from benchharness.scene import Scene
 
 
 class Bench(Protocol):
