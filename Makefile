@@ -17,7 +17,7 @@ check: $(VENV)/ready-dev
 	$(VENV)/bin/pyright
 
 speed: $(VENV)/ready
-	$(RUN) benchharness.speed
+	$(RUN) benchharness.cli speed
 
 clean:
 	rm -rf $(VENV) build *.egg-info

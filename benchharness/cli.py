@@ -18,7 +18,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from benchharness import platform
+from benchharness import __version__, platform
 
 FINE, REGRESSION, WRONG_INPUT, INCOMPLETE, INCOMPARABLE, BROKEN_ENVIRONMENT = range(6)
 BASELINES = Path("results") / "baselines"
@@ -29,6 +29,21 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Compares ways to render what a curved mirror shows: speed against accuracy, and where each breaks.",
 )
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(f"benchharness {__version__}")
+        raise typer.Exit(FINE)
+
+
+@app.callback()
+def command(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="say which version this is, and end")
+    ] = False,
+) -> None:
+    pass
 
 
 @app.command()
@@ -82,6 +97,31 @@ def stability(
         wanted = stability.Wanted(plugin or (), only or (), study or (), regime or (), severity, scene or ())
         silent, page = stability.run(folder, config, wanted)
         print(f"{page}: {silent} rows fail silently")
+        return FINE
+
+    _exit(action)
+
+
+@app.command()
+def speed(
+    out: Annotated[Path | None, typer.Option(help="folder; a new one under results/runs if not given")] = None,
+    size: Annotated[tuple[int, int], typer.Option(metavar="W H", help="pixels")] = (720, 512),
+    frame: Annotated[int, typer.Option(help="of the kitchen; at 62 the bowl fills a quarter")] = 62,
+    detail: Annotated[str, typer.Option(help="lean or paper")] = "paper",
+    rounds: Annotated[int, typer.Option(help="how often everything is timed")] = 60,
+    vertices: Annotated[bool, typer.Option("--vertices", help="also: time and error against the number of vertices")] = False,
+    iterations: Annotated[bool, typer.Option("--iterations", help="also: steps that reflection points take")] = False,
+    impostors: Annotated[bool, typer.Option("--impostors", help="also: a paper's tables of impostors, beside ours")] = False,
+    complexity: Annotated[bool, typer.Option("--complexity", help="also: time and error against the mirror's shape")] = False,
+) -> None:
+    """Time the harness's own stages and whole frames against Embree and llvmpipe."""
+
+    def action() -> int:
+        from benchharness import runner
+        from benchharness.speed import sitting
+
+        folder = out or runner.RUNS / f"speed-{datetime.now():%Y%m%d-%H%M%S}"
+        sitting.speed(folder, size, frame, detail, rounds, Console(), vertices, iterations, impostors, complexity)
         return FINE
 
     _exit(action)

@@ -16,12 +16,12 @@ from mirror_room import scene as scene_of
 from small_room import small_room
 from typer.testing import CliRunner
 
-from benchharness import reference
+from benchharness import cli, reference
 from benchharness.bake import bake
 from benchharness.frame import FrameRenderer
 from benchharness.scene import Environment, Scene, refined
-from benchharness.speed import __main__ as speed
 from benchharness.speed import embree, iterations, llvmpipe, rivals, stage, tessellation
+from benchharness.speed import sitting as speed
 from methods.ray_traced import RayTraced
 
 SIZE = (48, 32)
@@ -284,7 +284,7 @@ def test_the_command_writes_every_comparison_with_its_samples(room, moving_room,
     monkeypatch.setattr(speed, "kitchen", lambda detail, moving=False: moving_room if moving else room)
     out = tmp_path / "run"
     arguments = ["--out", str(out), "--size", *map(str, SIZE), "--frame", str(FRAME), "--rounds", "3"]
-    done = CliRunner().invoke(speed.app, arguments)
+    done = CliRunner().invoke(cli.app, ["speed", *arguments])
     assert done.exit_code == 0, done.output
     rows, samples = rows_of(out / "speed.csv"), rows_of(out / "samples.csv")
     assert list(rows[0]) == speed.COLUMNS
@@ -317,7 +317,7 @@ def test_the_command_writes_every_comparison_with_its_samples(room, moving_room,
 )
 def test_what_makes_no_sense_is_refused(arguments, complaint, room, tmp_path, monkeypatch):
     monkeypatch.setattr(speed, "kitchen", lambda detail, moving=False: room)
-    done = CliRunner().invoke(speed.app, ["--out", str(tmp_path / "run"), *arguments])
+    done = CliRunner().invoke(cli.app, ["speed", "--out", str(tmp_path / "run"), *arguments])
     assert done.exit_code == 2
     assert complaint in done.output
     assert not (tmp_path / "run").exists()
@@ -325,7 +325,7 @@ def test_what_makes_no_sense_is_refused(arguments, complaint, room, tmp_path, mo
 
 def test_a_folder_in_use_is_refused(tmp_path):
     (tmp_path / "kept.txt").write_text("mine")
-    done = CliRunner().invoke(speed.app, ["--out", str(tmp_path)])
+    done = CliRunner().invoke(cli.app, ["speed", "--out", str(tmp_path)])
     assert done.exit_code == 2
     assert "in use" in done.output
 

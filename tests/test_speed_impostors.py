@@ -15,9 +15,10 @@ from mirror_room import scene as scene_of
 from small_room import quad
 from typer.testing import CliRunner
 
+from benchharness import cli
 from benchharness.scene import Camera, Environment, Mesh, Object, Scene
-from benchharness.speed import __main__ as speed
 from benchharness.speed import depthmaps, edges, impostors, popescu, rivals, stage
+from benchharness.speed import sitting as speed
 
 SIZE = (120, 90)
 SETTINGS = popescu.Settings(
@@ -197,7 +198,7 @@ def test_the_command_writes_tables_and_pictures(found, room, tmp_path, monkeypat
     monkeypatch.setattr(impostors, "study", lambda *args: asked.append(args) or found)
     out = tmp_path / "run"
     arguments = ["--out", str(out), "--size", "48", "32", "--frame", "1", "--detail", "lean", "--rounds", "2", "--impostors"]
-    done = CliRunner().invoke(speed.app, arguments)
+    done = CliRunner().invoke(cli.app, ["speed", *arguments])
     assert done.exit_code == 0, done.output
     scenes, size, rounds, _, settings = asked.pop()
     assert (scenes.maps, scenes.pots, size, rounds, settings) == ("bunnies", "teapots", (48, 32), 2, popescu.Settings())

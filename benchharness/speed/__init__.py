@@ -1,1 +1,1 @@
-"""What the kernels cost beside others that draw the same: Embree, software OpenGL. `python -m benchharness.speed`."""
+"""What the kernels cost beside others that draw the same: Embree, software OpenGL. `benchharness speed`; see `sitting`."""

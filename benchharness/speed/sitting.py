@@ -1,6 +1,6 @@
 """How fast is it really: our stages and whole frames against Embree's and llvmpipe's, on this machine, in one sitting.
 
-`python -m benchharness.speed` times the kitchen: everything warm, in interleaved rounds. What is compared with what is in
+`benchharness speed` times the kitchen: everything warm, in interleaved rounds. What is compared with what is in
 `benchharness.speed.rivals`, what `--vertices` adds in `benchharness.speed.tessellation`, what `--iterations` adds in
 `benchharness.speed.iterations`, what `--impostors` adds in `benchharness.speed.impostors`, and what `--complexity` adds in
 `benchharness.speed.complexity`. Into the folder go
@@ -20,11 +20,9 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterable, Mapping, Sequence
-from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
 from rich.console import Console
 from rich.table import Table
 
@@ -35,9 +33,6 @@ COLUMNS = "name ours_ms rival rival_ms ratio ratio_lo ratio_hi note".split()
 """Columns of speed.csv: medians over rounds; ratio = rival_ms / ours_ms, so that above 1 ours is faster."""
 SAMPLE_COLUMNS = "name side round ms".split()
 VARIANT = "llvm_ad_rgb"  # Embree's
-WRONG_INPUT, BROKEN_ENVIRONMENT = 2, 5
-
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 def baked(name: str, **keywords: Any) -> Scene:
@@ -195,28 +190,3 @@ def plain_table(rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> Ta
         values = (row.get(name, "") for name in columns)
         shown.add_row(*(f"{value:.3f}" if isinstance(value, float) else str(value) for value in values))
     return shown
-
-
-@app.command()
-def main(
-    out: Annotated[Path | None, typer.Option(help="folder; a new one under results/runs if not given")] = None,
-    size: Annotated[tuple[int, int], typer.Option(metavar="W H", help="pixels")] = (720, 512),
-    frame: Annotated[int, typer.Option(help="of the kitchen; at 62 the bowl fills a quarter")] = 62,
-    detail: Annotated[str, typer.Option(help="lean or paper")] = "paper",
-    rounds: Annotated[int, typer.Option(help="how often everything is timed")] = 60,
-    vertices: Annotated[bool, typer.Option("--vertices", help="also: time and error against the number of vertices")] = False,
-    iterations: Annotated[bool, typer.Option("--iterations", help="also: steps that reflection points take")] = False,
-    impostors: Annotated[bool, typer.Option("--impostors", help="also: a paper's tables of impostors, beside ours")] = False,
-    complexity: Annotated[bool, typer.Option("--complexity", help="also: time and error against the mirror's shape")] = False,
-) -> None:
-    """Time the harness's own stages and whole frames against Embree and llvmpipe."""
-    folder = out or Path("results") / "runs" / f"speed-{datetime.now():%Y%m%d-%H%M%S}"
-    try:
-        speed(folder, size, frame, detail, rounds, Console(), vertices, iterations, impostors, complexity)
-    except (ValueError, NotADirectoryError, PermissionError, platform.EnvironmentBroken) as error:
-        Console(stderr=True, soft_wrap=True).print(f"error: {error}", style="red", markup=False, highlight=False)
-        raise typer.Exit(BROKEN_ENVIRONMENT if isinstance(error, platform.EnvironmentBroken) else WRONG_INPUT) from None
-
-
-if __name__ == "__main__":
-    app()
