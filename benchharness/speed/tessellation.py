@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 
 from benchharness import metrics, plugins, reference, timing
+from benchharness.report.points import looks
 from benchharness.scene import Scene, refined
 from benchharness.speed.stage import Stage, answer, interleaved, method
 
 NONE = "no reflections"
 TARGETS = (5_000, 10_000, 15_000, 25_000, 50_000, 100_000, 200_000)
 """Vertices to subdivide to; a target below what a scene has as it was built is that scene as it was built."""
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 CLOSE = 0.05  # relative; a subdivision this near to its target will do
 TRIES = 12
 
@@ -162,7 +162,8 @@ def chart(found: Found, path: Path) -> None:
 
     details = list(dict.fromkeys(row["detail"] for row in found.rows))
     methods = list(dict.fromkeys(row["method"] for row in found.rows))
-    colours = dict(zip(methods, ("#555555", *COLOURS * len(methods)), strict=False))
+    colours = {name: look.colour for name, look in looks([{"method": name} for name in methods if name != NONE]).items()}
+    colours[NONE] = "#555555"
     figure = Figure(figsize=(10, 4 * len(details)), dpi=130, layout="constrained")
     panels = figure.subplots(len(details), 2, squeeze=False)
     for (time, error), detail in zip(panels, details, strict=True):
