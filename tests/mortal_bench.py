@@ -63,7 +63,7 @@ class Bench(study.Bench):
                 time.sleep(60)
 
 
-class Slow(study.Bench):
+class Slow(Bench):
     """Takes a little while for everything, so that whoever kills meets it at work."""
 
     def __init__(self, *arguments):

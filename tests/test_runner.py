@@ -134,11 +134,14 @@ def test_what_refuses_that_is_no_sentence_is_that_methods_crash(tmp_path, monkey
     assert found["last"] == ("ok", "")
 
 
-def test_a_scene_that_cannot_be_prepared_is_rows_too(tmp_path):
-    code, rows, _ = run(study.write(tmp_path, '["a"]'), tmp_path / "out", "study:Failing")
+def test_a_scene_that_cannot_be_prepared_is_rows_too_which_are_tried_again(tmp_path):
+    path = study.write(tmp_path, '["a"]')
+    code, rows, _ = run(path, tmp_path / "out", "study:Failing")
     assert code == 3
     assert [row["status"] for row in rows] == ["crashed"] * 3
     assert "RuntimeError: no light outside any method" in rows[0]["reason"]
+    code, rows, _ = run(path, tmp_path / "out", resume=True)
+    assert (code, [row["status"] for row in rows]) == (0, ["ok"] * 3)
 
 
 def test_a_run_in_which_nothing_ran_is_incomplete(tmp_path):
