@@ -61,12 +61,13 @@ def run(
 
     def action() -> int:
         from benchharness import config as configs
-        from benchharness import progress, runner
+        from benchharness import plugins, progress, results, runner
 
         console = Console()
         study = configs.load(config, plugin or (), only or ())
         with progress.listener(console) as listener:
             code, folder = runner.run(study, out, listener, resume=resume, cluster=cluster)
+        results.write_command(folder, config, [plugins.absolute(spec, Path.cwd()) for spec in plugin or ()])
         print(folder / "report.html")
         return code
 
@@ -142,16 +143,54 @@ def report(run: Annotated[Path, typer.Argument(help="a run folder")]) -> None:
 
 @app.command()
 def compare(
-    base: Annotated[Path, typer.Argument(help="what was: a run folder, or a results.csv")],
-    new: Annotated[Path, typer.Argument(help="what is: a run folder, or a results.csv")],
-    fail_on_time: Annotated[bool, typer.Option("--fail-on-time", help="slower is a regression, too")] = False,
+    base: Annotated[Path, typer.Argument(help="what was: a run folder, its results.csv, or a folder of run folders")],
+    new: Annotated[Path, typer.Argument(help="what is: the same")],
+    fail_on_time: Annotated[
+        bool, typer.Option("--fail-on-time", help="what is proven slower is a regression, too; see `rerun`")
+    ] = False,
+    format: Annotated[str, typer.Option(help="text, json, junit or markdown")] = "text",
 ) -> None:
     """Say whether a change made it better or worse. Exit code 1 for a regression, 4 if it cannot be said."""
 
     def action() -> int:
-        from benchharness import compare
+        from benchharness import compare, plugins
 
+        if format not in compare.FORMATS:
+            raise ValueError(f"--format: {plugins.unknown(format, compare.FORMATS)}")
         verdict = compare.compare(base, new, fail_on_time=fail_on_time)
+        print(compare.FORMATS[format](verdict))
+        return verdict.exit_code
+
+    _exit(action)
+
+
+@app.command()
+def rerun(
+    config: Annotated[Path, typer.Argument(help="the study, a TOML file")],
+    against: Annotated[
+        Path | None, typer.Option(help="the base: a checkout, or another environment's python; this code if not given")
+    ] = None,
+    times: Annotated[int, typer.Option(help="runs of each side")] = 10,
+    out: Annotated[Path | None, typer.Option(help="folder; a new one under results/runs if not given")] = None,
+    only: Annotated[list[str] | None, typer.Option(metavar="METHOD", help="run this method; may be repeated")] = None,
+    plugin: Annotated[
+        list[str] | None, typer.Option(metavar="FILE[:NAME]", help="add the method of a file; may be repeated")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="keep the runs that --out has")] = False,
+) -> None:
+    """Run a study of two installations in turns, and say which is slower: exit code 1 if this one is, without doubt."""
+
+    def action() -> int:
+        from benchharness import compare, rerun, runner
+
+        options = [word for name in only or () for word in ("--only", name)]
+        options += [word for spec in plugin or () for word in ("--plugin", spec)]
+        folder = out or runner.RUNS / f"rerun-{config.stem}-{datetime.now():%Y%m%d-%H%M%S}"
+        try:
+            sides = rerun.rerun([str(config), *options], times, against, folder, print, resume=resume)
+        except rerun.RunFailed as error:
+            return _said(error, error.code if error.code in range(WRONG_INPUT, BROKEN_ENVIRONMENT + 1) else INCOMPLETE)
+        verdict = compare.compare(*sides, fail_on_time=True)
         print(compare.render(verdict))
         return verdict.exit_code
 
@@ -163,13 +202,14 @@ def accept(
     run: Annotated[Path, typer.Argument(help="a run folder")],
     because: Annotated[str, typer.Option(help="the reason, which is kept")],
     baselines: Annotated[Path, typer.Option(help="folder of the baselines")] = BASELINES,
+    replace: Annotated[bool, typer.Option("--replace", help="drop a baseline of other settings or scenes")] = False,
 ) -> None:
     """Make a run the baseline of its config."""
 
     def action() -> int:
         from benchharness import compare
 
-        print(compare.accept(run, baselines, because))
+        print(compare.accept(run, baselines, because, replaces=replace))
         return FINE
 
     _exit(action)

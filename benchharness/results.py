@@ -3,8 +3,9 @@
 A record is a dict with the keys of COLUMNS, one per scene, frame, method and parameters. This module alone knows how
 records become CSV, what the files of a run are called, and where a run came from.
 
-In a CSV an empty cell is a number without meaning (None or NaN here), never 0; floats are written by `repr`, so that
-what is read is bit for bit what was written. Every file is written beside its place and renamed into it.
+In a CSV a number is finite and at least 0, or its cell is empty: a number without meaning (None, NaN or infinite here) is
+never 0. Floats are written by `repr`, so that what is read is bit for bit what was written. Every file is written beside its
+place and renamed into it.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ import shutil
 import statistics
 import subprocess
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -180,7 +181,7 @@ def write_atomic(path: Path, text: str) -> None:
 
 
 def write_table(path: Path, rows: Iterable[Mapping], columns: Sequence[str]) -> None:
-    """Rows to CSV. Missing keys, None and NaN are empty; a key that is no column raises ValueError."""
+    """Rows to CSV. Missing keys, None and what is not finite are empty; a key that is no column raises ValueError."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
@@ -195,7 +196,7 @@ def write_table(path: Path, rows: Iterable[Mapping], columns: Sequence[str]) -> 
 def _cell(column: str, value: Any) -> str:
     if hasattr(value, "item"):
         value = value.item()
-    if value is None or (isinstance(value, float) and math.isnan(value)):
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return ""
     if column in TEXTS:
         return str(value).replace("\r", "").replace("\n", " ")
@@ -208,11 +209,13 @@ def _kind(column: str) -> str:
     return "an integer" if column in INTEGERS else "a number"
 
 
-def read_table(path: Path, columns: Sequence[str], required: Sequence[str]) -> list[dict]:
+def read_table(path: Path, columns: Sequence[str], required: Sequence[str], lenient: Collection[str] = ()) -> list[dict]:
     """CSV to rows with the keys `columns`; empty cells are None, but empty `params` and `detail` are "".
 
+    lenient  columns in which NaN and infinity are read as they are; refused in all others
+
     Columns of the file that are not among `columns` are left out. Raises ValueError where the file is missing, is no
-    CSV, lacks a required column or holds text in place of a number.
+    CSV, lacks a required column or names one twice, or holds something else in place of a number.
     """
     try:
         with path.open(encoding="utf-8", newline="") as file:
@@ -224,6 +227,8 @@ def read_table(path: Path, columns: Sequence[str], required: Sequence[str]) -> l
     header = lines[0] if lines else []
     if missing := [name for name in required if name not in header]:
         raise ValueError(f"{path}: missing columns: {', '.join(missing)}; accepted: at least {', '.join(required)}")
+    if twice := [name for name in columns if header.count(name) > 1]:
+        raise ValueError(f"{path}: column {twice[0]!r} is there twice; accepted: every column once")
     rows = []
     for line, cells in enumerate(lines[1:], start=2):
         if len(cells) != len(header):
@@ -231,19 +236,36 @@ def read_table(path: Path, columns: Sequence[str], required: Sequence[str]) -> l
         values: dict[str, Any] = {name: "" if name in ("params", "detail") else None for name in columns}
         for name, cell in zip(header, cells, strict=True):
             if name in values and cell:
-                values[name] = _value(path, line, name, cell)
+                values[name] = cell if name in TEXTS else _number(path, line, name, cell, name in lenient)
         rows.append(values)
     return rows
 
 
-def _value(path: Path, line: int, column: str, cell: str) -> Any:
-    if column in TEXTS:
-        return cell
+LARGEST = 2**63 - 1
+"""Of the integers, counters included."""
+
+
+def _number(path: Path, line: int, column: str, cell: str, lenient: bool) -> int | float:
     try:
-        return int(cell) if column in INTEGERS else float(cell)
+        value = float(cell)
+        value = int(cell) if column in INTEGERS and math.isfinite(value) else value
     except ValueError:
+        value = None
+    if value is None or "_" in cell or not _within(value, lenient):
         where = f"{path}: line {line}, column {column!r}"
-        raise ValueError(f"{where} is {cell!r}; accepted: {_kind(column)} or empty") from None
+        raise ValueError(f"{where} is {shorten(cell)}; accepted: {_kind(column)} of at least 0, or empty")
+    return value
+
+
+def _within(value: int | float, lenient: bool) -> bool:
+    if isinstance(value, int):
+        return 0 <= value <= LARGEST
+    return value >= 0 if math.isfinite(value) else lenient
+
+
+def shorten(text: str) -> str:
+    """`text` in quotes, cut where it is long: what a message quotes of a file."""
+    return repr(text if len(text) <= 60 else text[:57] + "...")
 
 
 def write_results(run: Path, records: Sequence[Mapping]) -> None:
@@ -255,15 +277,36 @@ def write_results(run: Path, records: Sequence[Mapping]) -> None:
     write_table(run / "summary.csv", summary(records), SUMMARY_COLUMNS)
 
 
-def read_results(path: Path) -> list[dict]:
-    """Records of a run folder, or of a CSV file with the columns of results.csv."""
+def read_results(path: Path, lenient: Collection[str] = ()) -> list[dict]:
+    """Records of a run folder, or of a CSV file with the columns of results.csv.
+
+    lenient  columns that may hold NaN and infinity, as of `read_table`; "counters" among them
+
+    Raises ValueError with file, line and column of what is damaged.
+    """
     file = path / "results.csv" if path.is_dir() else path
-    records = read_table(file, COLUMNS, REQUIRED)
+    records = read_table(file, COLUMNS, REQUIRED, lenient)
     for line, record in enumerate(records, start=2):
-        if record["status"] not in STATUSES:
-            where = f"{file}: line {line}, column 'status'"
-            raise ValueError(f"{where} is {record['status']!r}; accepted: {', '.join(STATUSES)}")
+        _check_record(record, f"{file}: line {line}", "counters" in lenient)
     return records
+
+
+def _check_record(record: Mapping, where: str, lenient: bool) -> None:
+    """Raises ValueError for a record that does not say what it is about, or whose counters are no numbers."""
+    if record["status"] not in STATUSES:
+        raise ValueError(f"{where}, column 'status' is {shorten(record['status'] or '')}; accepted: {', '.join(STATUSES)}")
+    for name in ("scene", "frame", "method"):
+        if record[name] is None:
+            raise ValueError(f"{where}, column {name!r} is empty; accepted: what the row is about")
+    try:
+        counters = parse_params(record["counters"])
+    except ValueError:
+        said = shorten(record["counters"])
+        raise ValueError(f"{where}, column 'counters' is {said}; accepted: name=value; name=value") from None
+    for name, value in counters.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not _within(value, lenient):
+            said = shorten(str(value))
+            raise ValueError(f"{where}, column 'counters': {name} is {said}; accepted: a number of at least 0")
 
 
 def write_samples(run: Path, samples: Iterable[Mapping]) -> None:
@@ -347,6 +390,24 @@ def environment_hash(values: Mapping) -> str:
     kept["llvm"] = os.path.basename(values.get("llvm") or "")
     kept["packages"] = {name: v for name, v in values.get("packages", {}).items() if name != "benchharness"}
     return short_hash(kept)
+
+
+def write_command(run: Path, config: Path, plugins: Sequence[str]) -> None:
+    """Keeps in command.json what made a run: the config's file, and the methods that were added by `--plugin`."""
+    values = {"config": str(config.resolve()), "plugins": list(plugins)}
+    write_atomic(run / "command.json", json.dumps(values, indent=2) + "\n")
+
+
+def read_command(run: Path) -> dict[str, Any] | None:
+    """What `write_command` kept in a run folder; None where there is none."""
+    file = run / "command.json"
+    if not file.is_file():
+        return None
+    try:
+        values = json.loads(file.read_text(encoding="utf-8"))
+        return {"config": str(values["config"]), "plugins": [str(plugin) for plugin in values["plugins"]]}
+    except (ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"{file}: damaged ({error}); accepted: the file that the run wrote") from None
 
 
 def write_environment(run: Path, values: Mapping) -> None:

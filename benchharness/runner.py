@@ -152,7 +152,6 @@ def _setting(config: Config, folder: Path, environment: str, bench: str) -> supe
         "config": config.name,
         "variant": run.variant,
         "reference_lighting": reference["lighting"],
-        "reference_spp": reference["spp"],
         "config_hash": config.config_hash,
         "environment": environment,
     }

@@ -11,7 +11,7 @@ import pytest
 import study
 from typer.testing import CliRunner
 
-from benchharness import check, cli, doctor, platform, report, runner
+from benchharness import check, cli, doctor, platform, report, results, runner
 
 
 def call(*arguments: object):
@@ -31,6 +31,8 @@ def test_run_ends_with_the_reports_path_and_resume_and_only_and_plugin_reach_the
     assert done.exit_code == 0, done.output
     assert done.stdout.splitlines()[-1] == str(tmp_path / "out" / "report.html")
     assert "frame 4: 1 ok" in done.stdout
+    command = results.read_command(tmp_path / "out")
+    assert command == {"config": str(path), "plugins": [str(tmp_path / "extra.py")]}
     again = call("run", path, "--out", tmp_path / "out")
     assert (again.exit_code, "holds a run" in again.stderr) == (2, True)
     other = call("run", path, "--out", tmp_path / "out", "--resume")
@@ -92,8 +94,8 @@ def test_compare_report_and_accept_hand_on_and_answer(tmp_path, monkeypatch):
     verdict = types.SimpleNamespace(exit_code=1)
     fake = types.ModuleType("benchharness.compare")
     fake.compare = lambda base, new, fail_on_time: verdict
-    fake.render = lambda v: "worse"
-    fake.accept = lambda run, baselines, because: baselines / f"{run.name}-{because}"
+    fake.FORMATS = {"text": lambda v: "worse", "json": lambda v: "{}"}
+    fake.accept = lambda run, baselines, because, replaces: baselines / f"{run.name}-{because}{'!' * replaces}"
     monkeypatch.setitem(sys.modules, "benchharness.compare", fake)
     monkeypatch.setattr("benchharness.compare", fake, raising=False)
     monkeypatch.setattr(report, "write", lambda folder: folder / "report.html", raising=False)
@@ -101,7 +103,11 @@ def test_compare_report_and_accept_hand_on_and_answer(tmp_path, monkeypatch):
     assert (done.exit_code, done.stdout) == (1, "worse\n")
     done = call("accept", "run1", "--because", "better")
     assert (done.exit_code, done.stdout) == (0, "results/baselines/run1-better\n")
+    assert call("accept", "run1", "--because", "better", "--replace").stdout == "results/baselines/run1-better!\n"
     assert call("accept", "run1").exit_code == 2
+    assert call("compare", "a", "b", "--format", "json").stdout == "{}\n"
+    done = call("compare", "a", "b", "--format", "jsn")
+    assert (done.exit_code, "did you mean 'json'?" in done.stderr) == (2, True)
     assert call("report", tmp_path).stdout == f"{tmp_path}/report.html\n"
 
 

@@ -49,10 +49,10 @@ def test_text_that_is_no_parameter_list_is_refused(bad):
 def test_records_come_back_bit_for_bit_and_integers_stay_integers(tmp_path):
     third = 1.0 / 3.0
     one = record(frame=3, flip=third, rmse=np.float32(0.1), vertices=np.int64(7), iterations_max=12.0)
-    one["distance_err"] = math.inf
+    one["distance_err"] = 1e308
     results.write_results(tmp_path, [one, record(flip=math.nan, status="refused", reason='no,\n "closed" proxy')])
     first, second = results.read_results(tmp_path)
-    assert first["flip"] == third and first["rmse"] == float(np.float32(0.1)) and first["distance_err"] == math.inf
+    assert first["flip"] == third and first["rmse"] == float(np.float32(0.1)) and first["distance_err"] == 1e308
     assert (first["frame"], first["vertices"], first["iterations_max"]) == (3, 7, 12)
     assert all(type(first[name]) is int for name in ("frame", "vertices", "iterations_max"))
     assert second["flip"] is None and second["reason"] == 'no,  "closed" proxy' and second["params"] == ""
@@ -64,6 +64,9 @@ def test_what_has_no_meaning_is_an_empty_cell_and_not_zero(tmp_path):
     header, row = (tmp_path / "results.csv").read_text().splitlines()
     cells = dict(zip(header.split(","), row.split(","), strict=True))
     assert cells["coverage"] == "0.0" and cells["flip"] == "" and cells["residual_px"] == ""
+    results.write_results(tmp_path, [record(flip=math.nan, distance_err=math.inf, rmse=np.float32(np.inf))])
+    (row,) = results.read_results(tmp_path)
+    assert (row["flip"], row["distance_err"], row["rmse"]) == (None, None, None)
     assert header.split(",") == results.COLUMNS
 
 
@@ -98,7 +101,8 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypat
 
 
 def good_csv() -> str:
-    return ",".join(results.REQUIRED) + "\n" + ",".join("ok" if c == "status" else "" for c in results.REQUIRED) + "\n"
+    about = {"scene": "s", "frame": "0", "method": "m", "status": "ok"}
+    return ",".join(results.REQUIRED) + "\n" + ",".join(about.get(c, "") for c in results.REQUIRED) + "\n"
 
 
 def test_a_file_with_the_required_columns_only_is_read(tmp_path):
@@ -119,6 +123,14 @@ def test_a_file_with_the_required_columns_only_is_read(tmp_path):
         (good_csv().rstrip("\n") + ",1\n", "line 2 has 45 cells"),
         (good_csv().replace(",ok,", ",good,"), "line 2, column 'status' is 'good'"),
         (good_csv().replace(",ok,,", ",ok,,many"), "line 2, column 'vertices' is 'many'"),
+        (good_csv().replace(",ok,,", ",ok,,-1"), "line 2, column 'vertices' is '-1'; accepted: an integer of at least 0"),
+        (good_csv().replace(",ok,,", ",ok,,1_0"), "line 2, column 'vertices' is '1_0'"),
+        (good_csv().replace(",ok,,", ",ok,,1.5"), "line 2, column 'vertices' is '1.5'"),
+        (good_csv().replace(",ok,,", ",ok,," + "9" * 400), "line 2, column 'vertices' is '9999.*[.]{3}'"),
+        (good_csv().replace("\n,,s,,0,m", "\n,,,,0,m"), "line 2, column 'scene' is empty"),
+        (good_csv().replace("\n,,s,,0,m", "\n,,s,,,m"), "line 2, column 'frame' is empty"),
+        (good_csv().replace("rmse,", "flip,", 1).replace("flip_p95", "rmse", 1), "missing columns: flip_p95"),
+        (good_csv().replace("environment", "environment,flip").replace("\n,", "\n,,"), "column 'flip' is there twice"),
     ],
 )
 def test_a_malformed_file_is_the_users_mistake_and_says_where(tmp_path, text, message):
@@ -128,6 +140,26 @@ def test_a_malformed_file_is_the_users_mistake_and_says_where(tmp_path, text, me
     with pytest.raises(ValueError, match=message) as caught:
         results.read_results(file)
     assert str(file) in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["nan", "inf", "-inf", "1e999", "-0.5", "0x10"])
+def test_a_number_is_finite_and_not_negative_but_where_a_reader_asks_for_more(tmp_path, text):
+    results.write_results(tmp_path, [record(flip=0.125)])
+    table = tmp_path / "results.csv"
+    table.write_text(table.read_text().replace("0.125", text))
+    with pytest.raises(ValueError, match=r"line 2, column 'flip' is.*accepted: a number of at least 0, or empty"):
+        results.read_results(tmp_path)
+    with pytest.raises(ValueError, match="column 'flip'"):
+        results.read_results(tmp_path, ("rmse",))
+    if text in ("nan", "inf", "1e999"):
+        (row,) = results.read_results(tmp_path, ("flip",))
+        assert not math.isfinite(row["flip"])
+
+
+def test_the_command_of_a_run_is_kept(tmp_path):
+    assert results.read_command(tmp_path) is None
+    results.write_command(tmp_path, tmp_path / "a.toml", ["/x.py:X"])
+    assert results.read_command(tmp_path) == {"config": str(tmp_path / "a.toml"), "plugins": ["/x.py:X"]}
 
 
 def test_a_summary_takes_medians_of_times_means_of_errors_and_counts_what_it_left_out():

@@ -242,3 +242,11 @@ def test_a_cut_line_of_the_journal_is_dropped_and_a_damaged_one_refused(tmp_path
     path.write_text('{"job": 0}\n{"jo\n{"job": 2}\n')
     with pytest.raises(ValueError, match="line 2 is damaged"):
         runner.Journal(path).lines()
+
+
+def test_what_was_not_measured_is_empty(tmp_path):
+    _, rows, _ = run(study.write(tmp_path, '["a", "refuses", "chokes", "aborts 0"]'), tmp_path / "out")
+    columns = [*results.TIMES, *results.ERRORS, *"reference_spp reference_noise nonfinite_px counters calibration_ms".split()]
+    for row in rows:
+        if row["status"] != "ok":
+            assert {name: row[name] for name in columns if row[name] is not None} == {}, row["status"]

@@ -1,0 +1,13 @@
+"""The gate on times, with real runs on this machine."""
+
+from __future__ import annotations
+
+import gate_power
+import pytest
+
+
+@pytest.mark.slow
+def test_unchanged_code_passes_and_a_kernel_that_is_a_tenth_slower_is_found(tmp_path):
+    gate_power.make(tmp_path, 10)
+    found = gate_power.power(gate_power.read(tmp_path), 10)
+    assert found.false == 0 and found.beside == 0 and found.found >= 9
