@@ -6,10 +6,10 @@ two sides cannot be compared; 5 the environment is broken.
 
 from __future__ import annotations
 
+import errno
 import sys
 import traceback
 from collections.abc import Callable
-from datetime import datetime
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -21,6 +21,8 @@ from benchharness import platform
 
 FINE, REGRESSION, WRONG_INPUT, INCOMPLETE, INCOMPARABLE, BROKEN_ENVIRONMENT = range(6)
 BASELINES = Path("results") / "baselines"
+EXHAUSTED = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOLCK)
+"""What no other input mends: the disk is full or broken, too many files are open, there are no locks."""
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -39,6 +41,7 @@ def run(
         list[str] | None, typer.Option(metavar="FILE[:NAME]", help="add the method of a file; may be repeated")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="take up a run that was interrupted")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="begin, though it may take more than an hour")] = False,
     cluster: Annotated[str | None, typer.Option(metavar="ADDRESS", help="a distributed scheduler")] = None,
 ) -> None:
     """Render, measure and report a study."""
@@ -48,9 +51,9 @@ def run(
         from benchharness import progress, runner
 
         console = Console()
-        study = configs.load(config, plugin or (), only or ())
         with progress.listener(console) as listener:
-            code, folder = runner.run(study, out, listener, resume=resume, cluster=cluster)
+            study = configs.load(config, plugin or (), only or (), listener.note)
+            code, folder = runner.run(study, out, listener, resume=resume, yes=yes, cluster=cluster)
         print(folder / "report.html")
         return code
 
@@ -71,17 +74,18 @@ def stability(
     regime: Annotated[list[str] | None, typer.Option(metavar="NAME", help="run this regime; may be repeated")] = None,
     severity: Annotated[float | None, typer.Option(help="run this severity")] = None,
     scene: Annotated[list[str] | None, typer.Option(help="of motion and perturbation; may be repeated")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="take up a run that was interrupted")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="begin, though it may take more than an hour")] = False,
 ) -> None:
     """Drive every method to where it fails, and see whether it says so."""
 
     def action() -> int:
-        from benchharness import runner, stability
+        from benchharness import stability
 
-        folder = out or runner.RUNS / f"stability-{datetime.now():%Y%m%d-%H%M%S}"
         wanted = stability.Wanted(plugin or (), only or (), study or (), regime or (), severity, scene or ())
-        silent, page = stability.run(folder, config, wanted)
-        print(f"{page}: {silent} rows fail silently")
-        return FINE
+        outcome = stability.run(out, config, wanted, resume=resume, yes=yes)
+        print(f"{outcome.page}: {outcome.silent} rows fail silently")
+        return outcome.code
 
     _exit(action)
 
@@ -213,7 +217,7 @@ def main() -> None:
 
 def _exit(action: Callable[[], int]) -> NoReturn:
     """Ends the command with what the action returns, or with the code of what it raises and one clear message."""
-    from benchharness.runner import Incomparable
+    from benchharness.folder import Incomparable
 
     try:
         code = action()
@@ -221,10 +225,13 @@ def _exit(action: Callable[[], int]) -> NoReturn:
         code = _said(error, BROKEN_ENVIRONMENT)
     except Incomparable as error:
         code = _said(error, INCOMPARABLE)
-    except (ValueError, FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError) as error:
+    except ValueError as error:
         code = _said(error, WRONG_INPUT)
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename is not None else ""
+        code = _said(f"{where}{error.strerror or error}", BROKEN_ENVIRONMENT if error.errno in EXHAUSTED else WRONG_INPUT)
     except KeyboardInterrupt:
-        code = _said("interrupted; `run` with --resume takes up where it stopped", INCOMPLETE)
+        code = _said("interrupted; the same with --resume takes up where it stopped", INCOMPLETE)
     raise typer.Exit(code)
 
 

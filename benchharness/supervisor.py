@@ -3,7 +3,11 @@
 Yields the lines of the journal as they come true:
 
     {"job", "out": entry, "status", "reason"}            the entry gets no more frames of this job
-    {"job", "frame", "records", "samples"}               a frame is done; complete rows of results.csv and samples.csv
+    {"job", "frame", "records", "samples", "pictures"}   a frame is done; complete rows of results.csv and samples.csv
+
+and what does not belong there:
+
+    {"job", "note"}                                      something the user should read
 """
 
 from __future__ import annotations
@@ -68,6 +72,7 @@ def execute(number: int, job: Job, setting: Setting, past: Past) -> Iterator[dic
     """Does what is left of a job; `number` is its place in the run. Workers that fail are followed by another."""
     left = [frame for frame in job.frames if frame not in past.done]
     out = dict(past.out)
+    waited = False
     while left:
         entries = [entry for entry in job.entries if entry.key not in out]
         ending = _Ending()
@@ -76,6 +81,10 @@ def execute(number: int, job: Job, setting: Setting, past: Past) -> Iterator[dic
                 if event["event"] == "out":
                     out[event["entry"]] = {"status": event["status"], "reason": event["reason"]}
                     yield {"job": number, "out": event["entry"], **out[event["entry"]]}
+                elif event["event"] == "waits":
+                    if not waited:
+                        yield {"job": number, "note": event["text"]}
+                    waited = True
                 else:
                     left.remove(event["frame"])
                     line = _frame_line(number, job, setting, event, out)
@@ -108,7 +117,8 @@ def _frame_line(number: int, job: Job, setting: Setting, event: dict, out: dict[
         about = _about(entries[sample["entry"]]) if sample["entry"] else {"method": "", "params": ""}
         place = {"scene": job.facts["scene"], "detail": job.facts["detail"], "frame": event["frame"]}
         samples.append({**place, **about, **{k: v for k, v in sample.items() if k != "entry"}})
-    return {"job": number, "frame": event["frame"], "records": rows, "samples": samples}
+    pictures = event.get("pictures", {})
+    return {"job": number, "frame": event["frame"], "records": rows, "samples": samples, "pictures": pictures}
 
 
 def crashed_in(line: dict) -> dict[str, dict]:
@@ -127,7 +137,7 @@ def _about(entry: Entry) -> dict[str, str]:
 def _worker(
     number: int, job: Job, setting: Setting, entries: list[Entry], frames: Collection[int], ending: _Ending
 ) -> Iterator[dict]:
-    """The "out" and "frame" events of one worker; how it ended is left in `ending`."""
+    """The "out", "frame" and "waits" events of one worker; how it ended is left in `ending`."""
     folder = Path(setting.folder)
     job_file, log = folder / f"job-{number}.json", folder / f"worker-{number}.log"
     document = {
@@ -171,7 +181,7 @@ def _worker(
 
 
 def _events(process: subprocess.Popen, timeout_s: float, ending: _Ending) -> Iterator[dict]:
-    """Yields "out" and "frame"; follows the rest. Returns what went wrong, None if stdout just ended."""
+    """Yields "out", "frame" and "waits"; follows the rest. Returns what went wrong, None if stdout just ended."""
     lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
 
     def read() -> None:
@@ -182,10 +192,11 @@ def _events(process: subprocess.Popen, timeout_s: float, ending: _Ending) -> Ite
 
     reader = threading.Thread(target=read, daemon=True)
     reader.start()
-    deadline, waits_for = time.monotonic() + timeout_s, "the preparation of the scene"
+    deadline: float | None = time.monotonic() + timeout_s
+    waits_for = "the preparation of the scene"
     while True:
         try:
-            line = lines.get(timeout=max(0.0, deadline - time.monotonic()))
+            line = lines.get(timeout=None if deadline is None else max(0.0, deadline - time.monotonic()))
         except queue.Empty:
             ending.status = "timeout"
             process.kill()
@@ -202,6 +213,9 @@ def _events(process: subprocess.Popen, timeout_s: float, ending: _Ending) -> Ite
             case "ready" | "start":
                 deadline = time.monotonic() + timeout_s
                 waits_for = f"frame {event['frame']}" if "frame" in event else waits_for
+            case "waits":
+                deadline = None
+                yield event
             case _:
                 yield event
 

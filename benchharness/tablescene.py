@@ -83,7 +83,7 @@ class SceneTable(Table):
     objects: Annotated[list[ObjectTable], Field(min_length=1)]
     reflectors: Annotated[list[ReflectorTable], Field(min_length=1)]
     camera: CameraTable
-    frames: Annotated[int, Field(ge=1)] = 1
+    frames: Annotated[int, Field(ge=1, le=100_000)] = 1
     fps: Positive = 25.0
     near: Positive | None = None
     background: tuple[Radiance, Radiance, Radiance] = (0.0, 0.0, 0.0)
@@ -136,9 +136,13 @@ def build(name: str, table: SceneTable, base: Path, where: str) -> Scene:
     environment = _environment(table, base, where)
     corners = np.concatenate([o.mesh.vertices for o in objects])
     h_max = table.h_max or SPLIT * float(np.linalg.norm(np.ptp(corners, axis=0)))
+    try:
+        split = tuple(replace(o, mesh=subdivided(o.mesh, h_max)) for o in objects)
+    except ValueError as error:
+        raise ValueError(f"{where}.objects: {error}") from None
     return Scene(
         name=name,
-        objects=tuple(replace(o, mesh=subdivided(o.mesh, h_max)) for o in objects),
+        objects=split,
         reflectors=tuple(reflectors),
         camera=_camera(table),
         frames=table.frames,

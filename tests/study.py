@@ -77,6 +77,14 @@ class Bench:
         return records, samples
 
 
+class Nothing(Bench):
+    """Sees that no pixel is a number."""
+
+    def run_frame(self, index, methods, watch):
+        records, samples = super().run_frame(index, methods, watch)
+        return [record | {"status": "invalid", "reason": "all pixels are NaN"} for record in records], samples
+
+
 class Failing(Bench):
     """Cannot even prepare its scene."""
 
