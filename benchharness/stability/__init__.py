@@ -141,7 +141,7 @@ def _agree(groups: Groups, done: Mapping[Place, Done], yes: bool, tell: Callable
     left = {study: sum(len(units) for units in groups[study].values()) for study in groups}
     for study, _, _ in done:
         left[study] -= 1
-    seconds = sum(count * _module(study).UNIT_S for study, count in left.items())
+    seconds = estimate.SCENE_S + sum(count * _module(study).UNIT_S for study, count in left.items())
     what = ", ".join(f"{count} of {study}" for study, count in left.items())
     estimate.agreed(f"{sum(left.values())} rows ({what})", seconds, yes, tell)
 
