@@ -15,10 +15,10 @@ from benchharness.supervisor import Past
 TOO_LONG_S = 3600.0
 """A run that takes longer is to be asked for in so many words."""
 
-SCENE_S = 8.0  # a process, its kernels, and the scene in it
+SCENE_S = 6.0  # a process, its kernels, and the scene in it
 ROW_S = 0.5  # a row, however small its picture
-ROW_S_PER_MPX = 5.0  # its kernels, errors and pictures
-ROUND_S_PER_MPX = 0.4
+ROW_S_PER_MPX = 4.0  # its kernels, errors and pictures
+ROUND_S_PER_MPX = 0.15
 SEGMENTS_PER_S = 3e6  # of traced paths, of references and of light
 BAKE_SEGMENTS = 6  # of a path, see `bake.bake`
 
