@@ -1,7 +1,11 @@
-"""LLVM is chosen before any test module can import Dr.Jit; the variant is set once, where a test needs one."""
+"""LLVM is chosen before any test module can import Dr.Jit; the variant is set once, where a test needs one.
+
+`BENCHHARNESS_TEST_VARIANT=cuda_ad_rgb pytest tests/test_hierarchy.py` tests kernels on a graphics card.
+"""
 
 from __future__ import annotations
 
+import os
 import sys
 
 import pytest
@@ -13,11 +17,12 @@ platform.use_llvm()
 
 @pytest.fixture(scope="session", autouse=True)
 def variant() -> str | None:
-    """Sets llvm_ad_rgb if a collected test module has imported Mitsuba; NumPy-only tests stay quick."""
+    """Sets the variant if a collected test module has imported Mitsuba; NumPy-only tests stay quick."""
     if "mitsuba" not in sys.modules:
         return None
-    platform.use_variant("llvm_ad_rgb")
-    return "llvm_ad_rgb"
+    chosen = os.environ.get("BENCHHARNESS_TEST_VARIANT", "llvm_ad_rgb")
+    platform.use_variant(chosen)
+    return chosen
 
 
 @pytest.fixture(scope="module")

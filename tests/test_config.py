@@ -313,7 +313,8 @@ CONFIGS = sorted((Path(__file__).parent.parent / "configs").glob("*.toml"))
 
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
-def test_a_config_that_comes_with_it_is_valid_and_says_what_it_is_about(path):
+def test_a_config_that_comes_with_it_is_valid_and_says_what_it_is_about(path, monkeypatch):
+    monkeypatch.setattr(config.platform, "use_variant", lambda variant: None)  # not every machine has a graphics card
     if path.stem == "stability":
         assert plan.load(path).studies
     else:

@@ -137,8 +137,12 @@ def moved(hierarchies: Hierarchies, poses: mi.Float) -> Hierarchies:
 def meet(hierarchies: Hierarchies, ray: mi.Ray3f, active: mi.Bool | bool = True, coherent: bool = False) -> Meeting:
     """What is met first, at any distance. `coherent`: Embree may traverse with packets of rays, for rays that go together; it
     misses what rays that part from a curved mirror meet, and is slower for them.
+
+    On a graphics card each tree is a kernel of its own: OptiX has one shader binding table per kernel, and Dr.Jit drops the
+    rays of any other scene with no more than a warning.
     """
     t, triangle, uv = mi.Float(dr.inf), mi.UInt32(0), mi.Point2f(0)
+    several = len(hierarchies.trees) > 1
     for tree in hierarchies.trees:
         own, asked = mi.Ray3f(ray.o, ray.d), mi.Bool(active)
         if tree.part is not None:
@@ -150,6 +154,8 @@ def meet(hierarchies: Hierarchies, ray: mi.Ray3f, active: mi.Bool | bool = True,
         t = dr.select(nearer, hit.t, t)
         triangle = dr.select(nearer, hit.prim_index + tree.first, triangle)
         uv = dr.select(nearer, hit.prim_uv, uv)
+        if several and dr.backend_v(t) == dr.JitBackend.CUDA:
+            dr.eval(t, triangle, uv)
     found = dr.isfinite(t)
     face = dr.gather(mi.Vector4u, hierarchies.faces, triangle, found)
     return Meeting(found, t, face, mi.Vector3f(1 - uv.x - uv.y, uv.x, uv.y))

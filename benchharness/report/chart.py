@@ -7,7 +7,7 @@ curve through its swept parameters. Path: where the time goes, and both along th
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +34,10 @@ TIME_AXIS = "time per frame in ms   (← less is better)"
 ERROR_AXIS = "mean FLIP in the mirror   (↓ less is better)"
 
 
-def limits(view: SceneView) -> tuple[tuple[float, float], tuple[float, float]]:
+Span = tuple[float, float]
+
+
+def limits(view: SceneView) -> tuple[Span, Span]:
     """(least, most) ms and (least, most) FLIP of the frontier chart: the points, their bars, and the frame budgets."""
     times = [t for p in view.points for t in (p.time_lo, p.time_hi)] + [ms for ms, _ in BUDGETS_MS]
     errors = [view.drawn(e) for p in view.points for e in (p.error, *p.spread)]
@@ -47,25 +50,58 @@ def frontier_chart(view: SceneView, looks: Mapping[str, Look]) -> Figure:
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(10.2, 5.8), layout="constrained")
         axes = figure.add_subplot()
+        axes.set(xlabel=TIME_AXIS, ylabel=ERROR_AXIS)
         axes.set_title(f"{view.title}: speed against accuracy")
-        axes.set(xscale="log", yscale="log", xlabel=TIME_AXIS, ylabel=ERROR_AXIS)
-        (left, right), (bottom, top) = limits(view)
-        axes.set(xlim=(left, right), ylim=(bottom, top))
-        axes.grid(True, which="major")
-        for axis in (axes.xaxis, axes.yaxis):
-            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-            axis.set_minor_formatter(FuncFormatter(_minor))
-        _background(axes, view)
-        places = dict(zip(map(id, view.points), view.places, strict=True))
-        for method, points in by_method(view.points).items():
-            _method(axes, view, points, looks[method], {id(p): places[id(p)].verdict for p in points})
-        figure.legend(loc="outside right upper", title="method", alignment="left")
-        note = "Filled: on the frontier. Half: undecided, intervals overlap. Hollow: dominated, or not in all frames.\n"
-        note += "Bars: 95 % interval of the time; least and largest frame's error."
-        if any(p.error < view.floor for p in view.points):
-            note += f" Errors below {view.floor:g} are drawn there."
-        figure.supxlabel(note, x=0.02, ha="left", fontsize=8.5, color="#6B7280")
+        _frontier(axes, view, looks, *limits(view))
+        _explain(figure, [view])
     return figure
+
+
+def overview(views: Sequence[SceneView], looks: Mapping[str, Look]) -> Figure:
+    """The frontiers of several scenes that have points, side by side at one scale."""
+    (left, bottom), (right, top) = (
+        tuple(pick(values) for values in zip(*((x[k], y[k]) for x, y in map(limits, views)), strict=True))
+        for k, pick in ((0, min), (1, max))
+    )
+    columns = min(len(views), 2)
+    rows = math.ceil(len(views) / columns)
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(5.1 * columns + 2.4, 3.6 * rows + 0.9), layout="constrained")
+        grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+        for axes, view in zip(grid.flat, views, strict=False):
+            axes.set_title(view.title)
+            _frontier(axes, view, looks, (left, right), (bottom, top))
+        for axes in grid.flat[len(views) :]:
+            axes.set_axis_off()
+        figure.supylabel(ERROR_AXIS, fontsize=10)
+        for axes in grid[-1]:
+            axes.set_xlabel(TIME_AXIS)
+        _explain(figure, views)
+    return figure
+
+
+def _frontier(axes: Axes, view: SceneView, looks: Mapping[str, Look], x: Span, y: Span) -> None:
+    """Draws the points of a scene, their frontier and what is behind them."""
+    axes.set(xscale="log", yscale="log", xlim=x, ylim=y)
+    axes.grid(True, which="major")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(FuncFormatter(_minor))
+    _background(axes, view)
+    places = dict(zip(map(id, view.points), view.places, strict=True))
+    for method, points in by_method(view.points).items():
+        _method(axes, view, points, looks[method], {id(p): places[id(p)].verdict for p in points})
+
+
+def _explain(figure: Figure, views: Sequence[SceneView]) -> None:
+    """The legend of all methods, and what the marks mean."""
+    handles = {name: handle for axes in figure.axes for handle, name in zip(*axes.get_legend_handles_labels(), strict=True)}
+    figure.legend(handles.values(), handles.keys(), loc="outside right upper", title="method", alignment="left")
+    note = "Filled: on the frontier. Half: undecided, intervals overlap. Hollow: dominated, or not in all frames.\n"
+    note += "Bars: 95 % interval of the time; least and largest frame's error."
+    if floors := [view.floor for view in views if any(p.error < view.floor for p in view.points)]:
+        note += f" Errors below {max(floors):g} are drawn there."
+    figure.supxlabel(note, x=0.02, ha="left", fontsize=8.5, color="#6B7280")
 
 
 def _minor(value: float, _) -> str:
@@ -76,17 +112,28 @@ def _minor(value: float, _) -> str:
 
 def _background(axes: Axes, view: SceneView) -> None:
     """Frame budgets, the reference's noise, and the line of the frontier."""
-    bottom, top = axes.get_ylim()
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    crowded = right > 100 * left
     for ms, hertz in BUDGETS_MS:
         axes.axvline(ms, color="#9CA3AF", lw=0.9, ls=(0, (4, 3)), zorder=1)
-        axes.text(ms, top, f" {ms:g} ms\n {hertz}", fontsize=8, color="#6B7280", va="top", rotation=0, clip_on=True)
+        said, turned = (f"{hertz}  ", 90) if crowded else (f" {ms:g} ms\n {hertz}", 0)
+        axes.text(
+            ms,
+            top,
+            said,
+            fontsize=8,
+            color="#6B7280",
+            va="top",
+            ha="right" if crowded else "left",
+            rotation=turned,
+            clip_on=True,
+        )
     if view.noise > 0:
         axes.axhspan(bottom, view.noise, color="#F3E8D2", zorder=0)
         said = "  reference's noise: not ranked below"
-        axes.text(axes.get_xlim()[0], view.noise, said, fontsize=8, va="top", color="#8A6D3B")
+        axes.text(left, view.noise, said, fontsize=8, va="top", color="#8A6D3B")
     if line := view.frontier:
         x, y = [p.time for p in line], [view.drawn(p.error) for p in line]
-        right = axes.get_xlim()[1]
         x, y = [x[0], *x, right], [top, *y, y[-1]]
         axes.step(x, y, where="post", color="#C3CAD3", lw=4, zorder=1.5, label="frontier")
 

@@ -65,7 +65,10 @@ def write(run: Path) -> Path:
     if not records:
         raise ValueError(f"{run / 'results.csv'}: no rows; accepted: the results of a run")
     styles = looks(records)
-    sections = [_section(run, f"scene-{i}", view, styles) for i, view in enumerate(views(records))]
+    seen = views(records)
+    sections = [_section(run, f"scene-{i}", view, styles) for i, view in enumerate(seen)]
+    drawn = [view for view in seen if view.points]
+    overview = chart.save(chart.overview(drawn, styles), run / "figures" / "overview") if len(drawn) > 1 else []
     loader = jinja2.FileSystemLoader(Path(__file__).parent)
     template = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined).get_template(
         "page.html.jinja"
@@ -74,6 +77,7 @@ def write(run: Path) -> Path:
     text = template.render(
         title=", ".join(dict.fromkeys(r["config"] for r in records if r["config"])) or run.name,
         sections=sections,
+        overview=[str(file.relative_to(run)) for file in overview],
         budgets=BUDGETS_MS,
         broken=broken(records),
         columns=COLUMNS,
