@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -57,8 +57,7 @@ OTHER_MASK_PX = 32  # as many always may: edges run through pixels' centres
 
 
 class Bench:
-    """One scene at one size. `out`: folder of the pictures of the next frame, None for none; `alone`: context in which frames
-    are timed; see `benchharness.worker`."""
+    """One scene at one size. `out`: folder of the pictures of the next frame, None for none; see `benchharness.worker`."""
 
     def __init__(
         self,
@@ -72,27 +71,18 @@ class Bench:
         self.scene = ready(scene, options.bake_spp, seed)
         self.given = refined(oriented(scene)[0])
         self.size, self.options, self.out, self.seed, self.rounds = size, options, out, seed, rounds
-        self.alone: Callable[[], AbstractContextManager[None]] = nullcontext
         self.renderer = FrameRenderer(self.scene, *size)
         self.entries: dict[str, _Entry] = {}
+
+    def prepare(self, index: int) -> None:
+        """Renders what a frame is measured against, so that the cache has it."""
+        self._frames(index)
 
     def run_frame(
         self, index: int, methods: Mapping[str, Method], watch: Callable[[str], None]
     ) -> tuple[list[dict], list[dict]]:
         """Records and samples of one frame; see `benchharness.worker.Bench`."""
         frames, references = self._frames(index)
-        with self.alone():
-            return self._measured(index, methods, frames, references, watch)
-
-    def _measured(
-        self,
-        index: int,
-        methods: Mapping[str, Method],
-        frames: list[Frame],
-        references: list[reference.Reference],
-        watch: Callable[[str], None],
-    ) -> tuple[list[dict], list[dict]]:
-        """Records and samples of a frame, its reference and its run-up given."""
         entries = {name: self.entries.setdefault(name, _Entry(method)) for name, method in methods.items()}
         for name, entry in entries.items():
             with self._guarded(name, entry, watch):

@@ -26,8 +26,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, nullcontext
-from functools import partial
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -41,7 +40,8 @@ class Bench(Protocol):
     """What measures: `Bench(scene, size, reference, out, seed, rounds)`, one scene in one process.
 
     out        folder for the pictures of the next frame; None where none are kept. Set before every frame
-    alone      context in which this process is the only one that times; not held while references are made. Set likewise
+    prepare    does what has to be done for a frame before anything is timed. Called before `run_frame`, of which there is only
+               one at a time on a machine
     run_frame  (frame, entry -> method, watch) -> records with the measured columns and "entry", and samples with
                "entry" ("" for what belongs to no method), "clock", "round", "ms". Calls `watch(entry)` just before
                native code of an entry runs and `watch("")` after it. A method's exception is a record with status
@@ -51,7 +51,8 @@ class Bench(Protocol):
     """
 
     out: Path | None
-    alone: Callable[[], AbstractContextManager[None]]
+
+    def prepare(self, index: int) -> None: ...
 
     def run_frame(
         self, index: int, methods: Mapping[str, Method], watch: Callable[[str], None]
@@ -104,10 +105,11 @@ def _work(job: dict[str, Any], say: Callable[[dict], None]) -> None:
     say({"event": "ready"})
     for frame in job["frames"]:
         say({"event": "start", "frame": frame})
-        bench.alone = partial(_alone, frame, say)
+        bench.prepare(frame)
         with nullcontext() if out is None or frame not in job["images"] else folder.pictures(out) as pictures:
             bench.out = None if pictures is None else pictures.folder
-            records, samples = bench.run_frame(frame, methods, watch)
+            with _alone(frame, say):
+                records, samples = bench.run_frame(frame, methods, watch)
             kept = {} if pictures is None else pictures.keep()
         assert [r["entry"] for r in records] == list(methods), "one record per entry, in their order"
         say({"event": "frame", "frame": frame, "records": records, "samples": samples, "pictures": kept})

@@ -10,14 +10,13 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 import study
 from test_folder import damaged
 
-from benchharness import config, measure, results, runner, supervisor
+from benchharness import config, results, runner, supervisor
 
 
 class Ear:
@@ -363,18 +362,7 @@ def test_waiting_for_the_machine_is_not_a_frames_time(word, failed, events):
                 break
 
 
-def test_the_machine_is_held_while_a_frame_is_timed_and_not_while_its_reference_is_made():
-    order = []
-
-    @contextmanager
-    def alone():
-        order.append("held")
-        yield
-        order.append("free")
-
-    bench = object.__new__(measure.Bench)
-    bench._frames = lambda index: order.append("reference") or ([], [])
-    bench._measured = lambda *arguments: order.append("timed") or ([], [])
-    bench.alone = alone
-    bench.run_frame(0, {}, lambda entry: None)
-    assert order == ["reference", "held", "timed", "free"]
+def test_the_machine_is_held_while_a_frame_is_timed_and_not_while_its_reference_is_made(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    run(study.write(tmp_path, '["a"]'), tmp_path / "out", "study:Watchful")
+    assert (tmp_path / "out" / "held").read_text().splitlines() == ["begins free", *3 * ["prepares free", "times held"]]
