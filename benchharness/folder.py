@@ -60,13 +60,21 @@ def opened(name: str, out: Path | None, plan: dict[str, Any], resume: bool) -> I
         if resume:
             _compare(folder, _see_plan(folder), plan)
             (folder / IMAGES).mkdir(exist_ok=True)
-            for left in (folder / IMAGES).glob(".*"):  # of a process that was killed
-                shutil.rmtree(left)
         else:
             _see_unused(folder)
             (folder / IMAGES).mkdir()
             results.write_atomic(folder / PLAN, json.dumps(plan, indent=2) + "\n")
-        yield folder
+        _clear(folder)
+        try:
+            yield folder
+        finally:
+            _clear(folder)
+
+
+def _clear(folder: Path) -> None:
+    """Removes pictures of work that a process had not done when it was killed."""
+    for left in (folder / IMAGES).glob(".*"):
+        shutil.rmtree(left, ignore_errors=True)
 
 
 def _in_use(folder: Path) -> NoReturn:

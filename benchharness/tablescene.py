@@ -42,10 +42,11 @@ SUFFIXES = (".obj", ".ply", ".glb")
 PANORAMAS = (".exr", ".hdr")
 SPLIT = 1 / 25  # of the diagonal of all objects: the longest edge, if nothing is said
 
-Vector = tuple[float, float, float]
+Coordinate = Annotated[float, Field(ge=-1e9, le=1e9)]
+Vector = tuple[Coordinate, Coordinate, Coordinate]
 Share = Annotated[float, Field(ge=0, le=1)]
-Positive = Annotated[float, Field(gt=0)]
-Radiance = Annotated[float, Field(ge=0)]
+Positive = Annotated[float, Field(gt=0, le=1e9)]
+Radiance = Annotated[float, Field(ge=0, le=1e9)]
 
 
 class Table(BaseModel):
@@ -90,7 +91,7 @@ class SceneTable(Table):
     environment: str | None = None
     environment_centre: Vector | None = None
     ppd: Positive = 67.0
-    exposure: float = 0.0
+    exposure: Annotated[float, Field(ge=-64, le=64)] = 0.0
     h_max: Positive | None = None
 
 
