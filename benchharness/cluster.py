@@ -45,15 +45,12 @@ def connected(address: str, tell: Callable[[str], None]) -> Iterator[Any]:
         yield client
 
 
-def execute_on(
-    client: Any, jobs: Sequence[Job], setting: supervisor.Setting, pasts: Sequence[supervisor.Past]
-) -> Iterator[dict]:
-    """Lines of the journal, as the jobs end. Where one was lost, with its machine or with the scheduler, a note says so."""
+def execute_on(client: Any, setting: supervisor.Setting, tasks: Sequence[tuple[int, Job, supervisor.Past]]) -> Iterator[dict]:
+    """Lines of the journal, as jobs end, by number. Where one was lost, with its machine or with the scheduler, a note says so."""
     from distributed import as_completed  # pyright: ignore[reportMissingImports]
 
     futures = {
-        client.submit(_whole, number, job, setting, past, pure=False, retries=0): (number, job)
-        for number, (job, past) in enumerate(zip(jobs, pasts, strict=True))
+        client.submit(_whole, number, job, setting, past, pure=False, retries=0): (number, job) for number, job, past in tasks
     }
     for future in as_completed(futures):
         number, job = futures[future]

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from benchharness.config import Config, Job
-from benchharness.supervisor import Past
 
 TOO_LONG_S = 3600.0
 """A run that takes longer is to be asked for in so many words."""
@@ -23,9 +22,8 @@ SEGMENTS_PER_S = 3e6  # of traced paths, of references and of light
 BAKE_SEGMENTS = 6  # of a path, see `bake.bake`
 
 
-def of_run(config: Config, pasts: Sequence[Past]) -> tuple[str, float]:
-    """What is left of a study, in words, and about how many seconds that takes."""
-    left = [len([f for f in job.frames if f not in past.done]) for job, past in zip(config.jobs, pasts, strict=True)]
+def of_run(config: Config, left: Sequence[int]) -> tuple[str, float]:
+    """What is left of a study, in words, and about how many seconds that takes. `left`: frames, by job."""
     rows = sum(frames * len(job.entries) for job, frames in zip(config.jobs, left, strict=True))
     seconds = sum(_of_job(config, job, frames) for job, frames in zip(config.jobs, left, strict=True) if frames)
     scenes = sum(frames > 0 for frames in left)

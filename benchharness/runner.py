@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Protocol
 
@@ -72,16 +72,16 @@ def run(
         else:
             platform.see_machine_lock()
         if not resume:
-            estimate.agreed(*estimate.of_run(config, [supervisor.Past() for _ in config.jobs]), yes, listener.note)
+            estimate.agreed(*estimate.of_run(config, [len(job.frames) for job in config.jobs]), yes, listener.note)
         place = held.enter_context(folder.opened(config.name, out, plan, resume))
         journal = Journal(place / folder.JOURNAL)
         lines = _checked(config, journal)
-        pasts = _pasts(config, lines)
+        tasks = [*_again(config, lines, place / folder.IMAGES, listener), *_tasks(config, _pasts(config, lines))]
         if resume:
-            _see_pictures(config, lines, place / folder.IMAGES, pasts, listener)
-            estimate.agreed(*estimate.of_run(config, pasts), yes, listener.note)
+            left = [sum(task.left for task in tasks if task.number == n) for n in range(len(config.jobs))]
+            estimate.agreed(*estimate.of_run(config, left), yes, listener.note)
         setting = _setting(config, place, plan["environment"], bench or BENCH)
-        for line in _lines(config, setting, pasts, listener, client):
+        for line in _lines(tasks, setting, listener, client):
             if "note" in line:
                 listener.note(line["note"])
                 continue
@@ -90,7 +90,7 @@ def run(
                 listener.frame(line["frame"], line["records"])
             elif line["status"] in BROKEN:
                 listener.note(f"{line['status']}: {line['out']}: {line['reason']}")
-        records, samples = _tables(_checked(config, journal))
+        records, samples = _tables(journal.lines())
         notes = {"scenes": {job.scene.label: "; ".join(job.notes) for job in config.jobs if job.notes}}
         _write(place, records, samples, environment | (notes if notes["scenes"] else {}))
     asked = sum(len(job.frames) * len(job.entries) for job in config.jobs)
@@ -150,16 +150,38 @@ def _checked(config: Config, journal: Journal) -> list[dict]:
     return lines
 
 
-def _see_pictures(
-    config: Config, lines: Iterable[dict], images: Path, pasts: list[supervisor.Past], listener: Listener
-) -> None:
-    """Lets frames be done again whose pictures are not what they were."""
+@dataclass(frozen=True)
+class Task:
+    """What is left of a job, `number` in the run, or a part of it."""
+
+    number: int
+    job: Job
+    past: supervisor.Past
+
+    @property
+    def left(self) -> int:
+        """How many frames."""
+        return len({*self.job.frames} - self.past.done)
+
+
+def _tasks(config: Config, pasts: Iterable[supervisor.Past]) -> list[Task]:
+    return [Task(number, job, past) for number, (job, past) in enumerate(zip(config.jobs, pasts, strict=True))]
+
+
+def _again(config: Config, lines: Iterable[dict], images: Path, listener: Listener) -> Iterator[Task]:
+    """Frames whose pictures are not what they were: once more, with the methods that had an answer there."""
     for (number, frame), line in _last(lines).items():
         lost = folder.lost(images, line.get("pictures", {}))
         if lost:
-            pasts[number].done.discard(frame)
-            scene = config.jobs[number].facts["scene"]
-            listener.note(f"{scene}, frame {frame}: done again, since pictures are gone or changed: {', '.join(lost[:3])}")
+            job = config.jobs[number]
+            named = f"{job.facts['scene']}, frame {frame}"
+            listener.note(f"{named}: done again, since pictures are gone or changed: {', '.join(lost[:3])}")
+            out = {
+                entry.key: {"status": record["status"], "reason": record["reason"]}
+                for entry, record in zip(job.entries, line["records"], strict=True)
+                if record["status"] in (*BROKEN, "refused")
+            }
+            yield Task(number, job, supervisor.Past({*job.frames} - {frame}, out))
 
 
 def _last(lines: Iterable[dict]) -> dict[tuple[int, int], dict]:
@@ -168,20 +190,18 @@ def _last(lines: Iterable[dict]) -> dict[tuple[int, int], dict]:
     return {place: found[place] for place in sorted(found)}
 
 
-def _lines(
-    config: Config, setting: supervisor.Setting, pasts: list[supervisor.Past], listener: Listener, client: Any
-) -> Iterator[dict]:
-    """New lines of the journal: job after job on this machine, or as they come from a cluster."""
+def _lines(tasks: Sequence[Task], setting: supervisor.Setting, listener: Listener, client: Any) -> Iterator[dict]:
+    """New lines of the journal: task after task on this machine, or as they come from a cluster."""
     if client is not None:
         from benchharness.cluster import execute_on
 
-        yield from execute_on(client, config.jobs, setting, pasts)
+        yield from execute_on(client, setting, [(task.number, task.job, task.past) for task in tasks])
         return
-    for number, (job, past) in enumerate(zip(config.jobs, pasts, strict=True)):
-        listener.job(number, job, len(job.frames) - len(past.done))
-        for note in job.notes:
+    for task in tasks:
+        listener.job(task.number, task.job, task.left)
+        for note in task.job.notes:
             listener.note(f"  {note}")
-        yield from supervisor.execute(number, job, setting, past)
+        yield from supervisor.execute(task.number, task.job, setting, task.past)
 
 
 def _plan(config: Config, environment: str) -> dict[str, Any]:
