@@ -46,7 +46,7 @@ def connected(address: str, tell: Callable[[str], None]) -> Iterator[Any]:
 
 
 def execute_on(client: Any, setting: supervisor.Setting, tasks: Sequence[tuple[int, Job, supervisor.Past]]) -> Iterator[dict]:
-    """Lines of the journal, as jobs end, by number. Where one was lost, with its machine or with the scheduler, a note says so."""
+    """Lines of the journal, as the jobs end. Where one was lost, with its machine or with the scheduler, a note says so."""
     from distributed import as_completed  # pyright: ignore[reportMissingImports]
 
     futures = {
