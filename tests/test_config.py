@@ -158,9 +158,9 @@ def test_what_is_wrong_is_named_with_its_file_key_and_what_would_be_accepted(wri
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ("frames = 3", "frames = 1_000_000_000", r"\[run\].frames is 1000000000; accepted: int, at least 1 and at most 100000"),
+        ("frames = 3", "frames = 1_000_000_000", r"\[run\].frames is 1000000000; accepted: int, at least 1, at most 100000"),
         ("frames = 3", "timeout_s = inf", r"\[run\].timeout_s is inf; accepted: a finite number"),
-        ("frames = 3", "timeout_s = 1e9", r"\[run\].timeout_s is 1000000000.0; accepted: float, more than 0 and at most 86400"),
+        ("frames = 3", "timeout_s = 1e9", r"\[run\].timeout_s is 1000000000.0; accepted: float, more than 0, at most 86400"),
         ("frames = 3", "max_rounds = 1_000_000_000", r"\[run\].max_rounds is 1000000000; accepted: .*at most 10000"),
         ("frames = 3", "seed = 4294967296", r"\[run\].seed is 4294967296; accepted: .*less than 4294967296"),
         ("frames = 3", f"seed = 1{40 * '0'}", r"\[run\].seed is a number of 133 bits; accepted: at most 64"),
