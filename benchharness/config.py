@@ -225,10 +225,13 @@ def load(
 
 def method_hashes(entries: Iterable[Entry], where: str) -> dict[str, str]:
     """Entry.key -> `identity.of_method`. Raises ValueError for parameters that a method refuses."""
-    hashes = {}
+    hashes, known = {}, {}
     for entry in entries:
         try:
-            hashes[entry.key] = identity.of_method(type(entry.build()))
+            method = type(entry.build())
+            if method not in known:
+                known[method] = identity.of_method(method)
+            hashes[entry.key] = known[method]
         except (TypeError, ValueError) as error:
             raise ValueError(f"{where}: [methods.{entry.method}] {entry.params_text}: {error}") from error
     return hashes
