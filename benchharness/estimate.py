@@ -1,8 +1,8 @@
 """About how long a run will take, said before it begins; too long a one only begins if it was meant.
 
-Measured on two cores of an AMD EPYC 7B13: of four studies, 48 to 176 rows of 720 x 512 pixels, each took 0.6 to 1.7 times as
-long as is said here; the two suites of the stability studies likewise. Nothing is known of other machines, of methods that
-come as plugins, and of what the cache has.
+Measured on two cores of an AMD EPYC: four studies, 48 to 208 rows of 720 x 512 pixels, took 0.5 to 1.4 times as long as is said
+here, with a cache that had their light. Nothing is known of other machines, of methods that come as plugins, and of what the
+cache has.
 """
 
 from __future__ import annotations

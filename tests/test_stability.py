@@ -223,7 +223,15 @@ def test_a_crash_is_exit_code_three_and_a_used_folder_is_taken_up_or_refused(tmp
         stability.run(out, wanted=wanted, tell=told.append, resume=True)
 
 
-def test_an_interrupted_suite_keeps_its_rows_ends_at_once_and_is_taken_up(tmp_path):
+@pytest.fixture
+def interruptible():
+    """A process that was started in the background may ignore SIGINT."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_an_interrupted_suite_keeps_its_rows_ends_at_once_and_is_taken_up(tmp_path, interruptible):
     flag, out = tmp_path / "flag", tmp_path / "run"
     (tmp_path / "broken.py").write_text(BROKEN.format(what=f"if not Path({str(flag)!r}).exists(): time.sleep(600)"))
     wanted = stability.Wanted([str(tmp_path / "broken.py")], ["broken", "ray_traced"], regimes=["contact"], severity=1.0)
