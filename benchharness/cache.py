@@ -1,8 +1,10 @@
 """The cache: arrays that are expensive to make, filed under a hash of everything they were made from.
 
-An entry is one .npz file, `<folder>/<kind>/<key>.npz`. The folder is the user's cache folder of the platform, or what
+An entry is one .npz file, `<folder>/<kind>/<key>.npz`: the arrays, and a checksum of their names, types, shapes and content and
+of the entry's own kind and key. The folder is the user's cache folder of the platform, or what
 the environment variable BENCHHARNESS_CACHE names. An entry is written under a temporary name and then renamed, so that
-a crash leaves either the whole entry or none. An entry that cannot be read is made again, with a warning in the log.
+a crash leaves either the whole entry or none. An entry that cannot be read, or is not what was written, is made again, with
+a warning in the log.
 Entries never expire: the key changes when anything that matters does, the source code that makes them included.
 """
 
@@ -13,8 +15,6 @@ import logging
 import os
 import struct
 import tempfile
-import zipfile
-import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -24,6 +24,9 @@ import platformdirs
 log = logging.getLogger("benchharness")
 
 Arrays = dict[str, np.ndarray]
+
+CHECKSUM = "checksum"
+"""Name of the array of an entry that is none of those which were filed."""
 
 
 def cache_folder() -> Path:
@@ -81,18 +84,36 @@ def source_hash(*files: str) -> str:
 def cached(kind: str, key: str, compute: Callable[[], Arrays]) -> Arrays:
     """The arrays filed under `kind` and `key`; made by `compute` and filed where there are none yet."""
     path = cache_folder() / kind / f"{key}.npz"
-    if path.exists():
+    if os.path.lexists(path):
         try:
-            with path.open("rb") as file, np.load(file, allow_pickle=False) as entry:
-                return {name: entry[name] for name in entry.files}
-        except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
-            log.warning("cache: cannot read %s (%s); computing it again", path, error)
+            return _read(path, kind, key)
+        except Exception as error:  # whatever the readers of archives and arrays raise for one that is damaged
+            log.warning("cache: cannot read %s (%s: %s); computing it again", path, type(error).__name__, error)
     arrays = compute()
+    assert CHECKSUM not in arrays, CHECKSUM
     try:
-        _write(path, arrays)
+        _write(path, arrays | {CHECKSUM: _checksum(kind, key, arrays)})
     except OSError as error:
         log.warning("cache: cannot write %s (%s); set BENCHHARNESS_CACHE to a folder that can be written", path, error)
     return arrays
+
+
+def _read(path: Path, kind: str, key: str) -> Arrays:
+    """The arrays of an entry. Raises ValueError for what was not written as this entry; readers raise what they like."""
+    with path.open("rb") as file:
+        entry = np.load(file, allow_pickle=False)
+        if not isinstance(entry, np.lib.npyio.NpzFile):
+            raise ValueError("it is no archive")
+        with entry:
+            arrays = {name: entry[name] for name in entry.files}
+    checksum = arrays.pop(CHECKSUM, None)
+    if checksum is None or not np.array_equal(checksum, _checksum(kind, key, arrays)):
+        raise ValueError("its checksum is another one")
+    return arrays
+
+
+def _checksum(kind: str, key: str, arrays: Arrays) -> np.ndarray:
+    return np.frombuffer(bytes.fromhex(content_hash(kind, key, arrays)), np.uint8)
 
 
 def _write(path: Path, arrays: Arrays) -> None:

@@ -6,11 +6,11 @@ two sides cannot be compared; 5 the environment is broken.
 
 from __future__ import annotations
 
+import errno
 import signal
 import sys
 import traceback
 from collections.abc import Callable
-from datetime import datetime
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -22,6 +22,8 @@ from benchharness import __version__, platform
 
 FINE, REGRESSION, WRONG_INPUT, INCOMPLETE, INCOMPARABLE, BROKEN_ENVIRONMENT = range(6)
 BASELINES = Path("results") / "baselines"
+EXHAUSTED = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOLCK)
+"""What no other input mends: the disk is full or broken, too many files are open, there are no locks."""
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -55,6 +57,7 @@ def run(
         list[str] | None, typer.Option(metavar="FILE[:NAME]", help="add the method of a file; may be repeated")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="take up a run that was interrupted")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="begin, though it may take more than an hour")] = False,
     cluster: Annotated[str | None, typer.Option(metavar="ADDRESS", help="a distributed scheduler")] = None,
 ) -> None:
     """Render, measure and report a study."""
@@ -64,9 +67,9 @@ def run(
         from benchharness import plugins, progress, results, runner
 
         console = Console()
-        study = configs.load(config, plugin or (), only or ())
         with progress.listener(console) as listener:
-            code, folder = runner.run(study, out, listener, resume=resume, cluster=cluster)
+            study = configs.load(config, plugin or (), only or (), listener.note)
+            code, folder = runner.run(study, out, listener, resume=resume, yes=yes, cluster=cluster)
         results.write_command(folder, config, [plugins.absolute(spec, Path.cwd()) for spec in plugin or ()])
         print(folder / "report.html")
         return code
@@ -88,17 +91,18 @@ def stability(
     regime: Annotated[list[str] | None, typer.Option(metavar="NAME", help="run this regime; may be repeated")] = None,
     severity: Annotated[float | None, typer.Option(help="run this severity")] = None,
     scene: Annotated[list[str] | None, typer.Option(help="of motion and perturbation; may be repeated")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="take up a run that was interrupted")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="begin, though it may take more than an hour")] = False,
 ) -> None:
     """Drive every method to where it fails, and see whether it says so."""
 
     def action() -> int:
-        from benchharness import runner, stability
+        from benchharness import stability
 
-        folder = out or runner.RUNS / f"stability-{datetime.now():%Y%m%d-%H%M%S}"
         wanted = stability.Wanted(plugin or (), only or (), study or (), regime or (), severity, scene or ())
-        silent, page = stability.run(folder, config, wanted)
-        print(f"{page}: {silent} rows fail silently")
-        return FINE
+        outcome = stability.run(out, config, wanted, resume=resume, yes=yes)
+        print(f"{outcome.page}: {outcome.silent} rows fail silently")
+        return outcome.code
 
     _exit(action)
 
@@ -118,11 +122,11 @@ def speed(
     """Time the harness's own stages and whole frames against Embree and llvmpipe."""
 
     def action() -> int:
-        from benchharness import runner
+        from benchharness import folder
         from benchharness.speed import sitting
 
-        folder = out or runner.RUNS / f"speed-{datetime.now():%Y%m%d-%H%M%S}"
-        sitting.speed(folder, size, frame, detail, rounds, Console(), vertices, iterations, impostors, complexity)
+        place = out or folder.stamped("speed")
+        sitting.speed(place, size, frame, detail, rounds, Console(), vertices, iterations, impostors, complexity)
         return FINE
 
     _exit(action)
@@ -181,13 +185,13 @@ def rerun(
     """Run a study of two installations in turns, and say which is slower: exit code 1 if this one is, without doubt."""
 
     def action() -> int:
-        from benchharness import compare, rerun, runner
+        from benchharness import compare, folder, rerun
 
         options = [word for name in only or () for word in ("--only", name)]
         options += [word for spec in plugin or () for word in ("--plugin", spec)]
-        folder = out or runner.RUNS / f"rerun-{config.stem}-{datetime.now():%Y%m%d-%H%M%S}"
+        place = out or folder.stamped(f"rerun-{config.stem}")
         try:
-            sides = rerun.rerun([str(config), *options], times, against, folder, print, resume=resume)
+            sides = rerun.rerun([str(config), *options], times, against, place, print, resume=resume)
         except rerun.RunFailed as error:
             return _said(error, error.code if error.code in range(WRONG_INPUT, BROKEN_ENVIRONMENT + 1) else INCOMPLETE)
         verdict = compare.compare(*sides, fail_on_time=True)
@@ -306,12 +310,12 @@ def _exit(action: Callable[[], int]) -> NoReturn:
     try:
         code = _code(action)
     except KeyboardInterrupt:
-        code = _said("interrupted; `run` with --resume takes up where it stopped", INCOMPLETE)
+        code = _said("interrupted; the same with --resume takes up where it stopped", INCOMPLETE)
     raise typer.Exit(code)
 
 
 def _code(action: Callable[[], int]) -> int:
-    from benchharness.runner import Incomparable
+    from benchharness.folder import Incomparable
 
     try:
         return action()
@@ -319,8 +323,11 @@ def _code(action: Callable[[], int]) -> int:
         return _said(error, BROKEN_ENVIRONMENT)
     except Incomparable as error:
         return _said(error, INCOMPARABLE)
-    except (ValueError, FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError) as error:
+    except ValueError as error:
         return _said(error, WRONG_INPUT)
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename is not None else ""
+        return _said(f"{where}{error.strerror or error}", BROKEN_ENVIRONMENT if error.errno in EXHAUSTED else WRONG_INPUT)
 
 
 def _said(message: object, code: int) -> int:

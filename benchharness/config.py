@@ -12,7 +12,10 @@ what would be accepted, before any work is done. Methods and scenes are asked in
 
 from __future__ import annotations
 
+import math
+import time
 import tomllib
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -32,9 +35,22 @@ if TYPE_CHECKING:
 
 SECTIONS = ("run", "scenes", "reference", "methods")
 
-Count = Annotated[int, Field(ge=1)]
-Index = Annotated[int, Field(ge=0)]
+MOST_FRAMES = 100_000
+"""Of an animation: over an hour at 25 per second. All of it is hashed."""
+MOST_PIXELS = 1 << 25
+"""Of a picture: 8K. A frame keeps some hundred bytes per pixel."""
+MOST_SCENES = 256
+"""Configurations of scenes in a study; each is built before the first is rendered."""
+DEPTH = 16
+"""Tables and arrays within each other in a TOML file; none of ours has more than 5."""
+SAID_EVERY_S = 5.0
+
+Frames = Annotated[int, Field(ge=1, le=MOST_FRAMES)]
+Rounds = Annotated[int, Field(ge=1, le=10_000)]
+Index = Annotated[int, Field(ge=0, lt=MOST_FRAMES)]
+Seed = Annotated[int, Field(ge=0, lt=1 << 32)]
 Pixels = Annotated[int, Field(ge=1, le=16384)]
+Timeout = Annotated[float, Field(gt=0, le=86400)]
 
 
 @dataclass(frozen=True)
@@ -51,12 +67,12 @@ class Run:
 
     variant: Literal["llvm_ad_rgb", "cuda_ad_rgb"] = "llvm_ad_rgb"
     size: tuple[Pixels, Pixels] = (720, 512)
-    frames: Count | Annotated[list[Index], Field(min_length=1)] | None = None
-    min_rounds: Count = 5
-    max_rounds: Count = 40
+    frames: Frames | Annotated[list[Index], Field(min_length=1)] | None = None
+    min_rounds: Rounds = 5
+    max_rounds: Rounds = 40
     images: list[Index] | None = None
-    seed: Index = 0
-    timeout_s: Annotated[float, Field(gt=0)] = 600.0
+    seed: Seed = 0
+    timeout_s: Timeout = 600.0
 
 
 @dataclass(frozen=True)
@@ -163,11 +179,14 @@ class Config:
     method_hashes: dict[str, str] = field(default_factory=dict)
 
 
-def load(path: Path, extra: Sequence[str] = (), only: Sequence[str] = ()) -> Config:
+def load(
+    path: Path, extra: Sequence[str] = (), only: Sequence[str] = (), tell: Callable[[str], None] = lambda text: None
+) -> Config:
     """Reads and validates a config.
 
     extra  methods to add with their default parameters: `file.py` or `file.py:Name`, relative to the working folder
     only   names of the methods to keep; all if empty
+    tell   hears how far it is, where that takes long
 
     Raises ValueError for what is wrong in the config, platform.EnvironmentBroken where the variant cannot be used.
     """
@@ -179,15 +198,21 @@ def load(path: Path, extra: Sequence[str] = (), only: Sequence[str] = ()) -> Con
         params.check_plain(asked, where)
         reference = apart.call("benchharness.loading:reference", where, table=asked, where=where)
         given = distinct([*entries(section, path, apart), *(plugged_in(spec, apart) for spec in extra)])
+        if len(given) > params.MOST_POINTS:
+            raise ValueError(
+                f"{path}: there are {len(given):,} methods with parameters; accepted: at most {params.MOST_POINTS:,}"
+            )
         if not given:
             raise ValueError(f"{path}: there is no method to run; accepted: at least one [methods.NAME] or --plugin FILE")
-        specs = _scenes(document.get("scenes", {}), path, apart)
-        jobs = [_job(spec, run, given, path, apart) for spec in specs]
+        specs = list(_scenes(document.get("scenes", {}), path, apart))
+        if len(specs) > MOST_SCENES:
+            raise ValueError(f"{path}: there are {len(specs):,} configurations of scenes; accepted: at most {MOST_SCENES}")
+        jobs = [_job(spec, run, given, path, apart) for spec in _slowly(specs, tell)]
     if not jobs:
         raise ValueError(f"{path}: there is no scene; accepted: at least one [scenes.NAME]")
-    places = [(job.facts["scene"], job.facts["detail"]) for job in jobs]
-    for place in places:
-        if places.count(place) > 1:
+    places = Counter((job.facts["scene"], job.facts["detail"]) for job in jobs)
+    for place, count in places.items():
+        if count > 1:
             raise ValueError(
                 f"{path}: two configurations are called scene {place[0]!r}, detail {place[1]!r}; accepted: a builder "
                 "that hands its `detail` on to the Scene"
@@ -198,21 +223,53 @@ def load(path: Path, extra: Sequence[str] = (), only: Sequence[str] = ()) -> Con
     return Config(path.stem, path.resolve(), run, reference, jobs, given, config_hash, method_hashes)
 
 
+def _slowly(specs: Sequence[SceneSpec], tell: Callable[[str], None]) -> Iterator[SceneSpec]:
+    """The scenes, with a word about how many are built every SAID_EVERY_S."""
+    said = time.monotonic()
+    for number, spec in enumerate(specs):
+        if time.monotonic() - said > SAID_EVERY_S:
+            tell(f"scene {spec.label}: building {number + 1} of {len(specs)}")
+            said = time.monotonic()
+        yield spec
+
+
 def read(path: Path, sections: Sequence[str] = SECTIONS) -> dict[str, Any]:
-    """The TOML document. Raises ValueError for what is no file, no TOML, or has unknown sections."""
+    """The TOML document. Raises ValueError for what is no file, no TOML, has unknown sections, or numbers without bounds."""
     if not path.is_file():
         near = plugins.close(path.name, [p.name for p in path.parent.glob("*.toml")])
         raise ValueError(f"{path}: there is no such config{plugins.did_you_mean(near)}; accepted: a TOML file")
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except RecursionError:
+        raise ValueError(f"{path}: tables or arrays lie too deep within each other; accepted: at most {DEPTH}") from None
+    except ValueError as error:  # TOML's, UTF-8's, and a number's of thousands of digits
         raise ValueError(f"{path}: not valid TOML: {error}") from None
     for section, content in document.items():
         if section not in sections:
             raise ValueError(f"{path}: section {plugins.unknown(section, sections)}")
         if not isinstance(content, dict):
             raise ValueError(f"{path}: {section} is {content!r}; accepted: a table [{section}]")
+        _check_bounds(content, f"{path}: [{section}]")
     return document
+
+
+def _check_bounds(table: dict[str, Any], where: str) -> None:
+    """Raises ValueError for numbers that are not finite or exceed TOML's 64 bits, and for what lies too deep."""
+    level: list[tuple[str, Any]] = [(where, table)]
+    for _ in range(DEPTH):
+        below: list[tuple[str, Any]] = []
+        for name, value in level:
+            if isinstance(value, dict):
+                below += [(f"{name}.{key}", item) for key, item in value.items()]
+            elif isinstance(value, list):
+                below += [(f"{name}[{number}]", item) for number, item in enumerate(value)]
+            elif isinstance(value, float) and not math.isfinite(value):
+                raise ValueError(f"{name} is {value}; accepted: a finite number")
+            elif isinstance(value, int) and not -(1 << 63) <= value < 1 << 63:
+                raise ValueError(f"{name} is a number of {value.bit_length()} bits; accepted: at most 64, with its sign")
+        level = below
+    if level:
+        raise ValueError(f"{where}: tables or arrays lie too deep within each other; accepted: at most {DEPTH}")
 
 
 def pick_frames(asked: int | list[int] | None, available: int, where: str) -> list[int]:
@@ -223,11 +280,11 @@ def pick_frames(asked: int | list[int] | None, available: int, where: str) -> li
         if asked > available:
             raise ValueError(f"{where} is {asked}; accepted: 1 to {available}, the animation's length")
         return [round(float(f)) for f in np.linspace(0, available - 1, asked)]
-    for frame in asked:
-        if frame >= available:
-            raise ValueError(f"{where} asks for frame {frame}; accepted: 0 to {available - 1}")
-    if len(set(asked)) < len(asked):
-        raise ValueError(f"{where} is {asked}; accepted: every frame once")
+    if max(asked) >= available:
+        raise ValueError(f"{where} asks for frame {max(asked)}; accepted: 0 to {available - 1}")
+    twice = [frame for frame, count in Counter(asked).items() if count > 1]
+    if twice:
+        raise ValueError(f"{where} asks for frame {twice[0]} more than once; accepted: every frame once")
     return sorted(asked)
 
 
@@ -235,6 +292,8 @@ def _run(table: Mapping[str, Any], where: str) -> Run:
     run = params.options(Run, table, where)
     if run.min_rounds > run.max_rounds:
         raise ValueError(f"{where}.min_rounds is {run.min_rounds}; accepted: at most max_rounds, {run.max_rounds}")
+    if math.prod(run.size) > MOST_PIXELS:
+        raise ValueError(f"{where}.size is {list(run.size)}; accepted: at most {MOST_PIXELS:,} pixels, as 7680 x 4320")
     return run
 
 
@@ -352,17 +411,23 @@ def _examined(spec: SceneSpec, run: Run, path: str) -> dict[str, Any]:
     ]:
         if count < 1:
             raise ValueError(f"{spec.where}: the scene has {count} {name}; accepted: at least one")
+    if scene.frames > MOST_FRAMES:
+        raise ValueError(f"{spec.where}: the scene has {scene.frames:,} frames; accepted: at most {MOST_FRAMES:,}")
     _check_light(scene, spec.where)
     try:
         scene, notes = oriented(scene)
     except ValueError as error:
         raise ValueError(f"{spec.where}: {error}") from None
     frames = pick_frames(run.frames, scene.frames, f"{path}: [run].frames, for scene {spec.label},")
-    for frame in run.images or []:
-        if frame not in frames:
-            raise ValueError(f"{path}: [run].images asks for frame {frame}; accepted: of {frames}")
+    strange = sorted({*(run.images or [])} - {*frames})
+    if strange:
+        shown = f"{frames}" if len(frames) < 20 else f"the {len(frames)} frames of the run"
+        raise ValueError(f"{path}: [run].images asks for frame {strange[0]}; accepted: of {shown}")
     check_cameras(scene, frames, spec.where)
-    drawn = refined(scene)
+    try:
+        drawn = refined(scene)
+    except ValueError as error:
+        raise ValueError(f"{spec.where}: {error}") from None
     facts = {
         "scene": spec.label,
         "detail": scene.detail,
@@ -372,7 +437,7 @@ def _examined(spec: SceneSpec, run: Run, path: str) -> dict[str, Any]:
         "ppd": scene.ppd,
         "scene_hash": identity.of_scene(scene),
     }
-    images = frames if run.images is None else sorted(run.images)
+    images = frames if run.images is None else sorted({*run.images})
     remarkable = [str(note) for note in notes if note.remarkable]
     return {"frames": frames, "images": images, "facts": facts, "notes": remarkable}
 

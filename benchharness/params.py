@@ -11,10 +11,12 @@ import dataclasses
 import inspect
 import itertools
 import json
+import math
 import types
 import typing
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Any, Literal
 
 from pydantic import PydanticUserError, TypeAdapter, ValidationError
@@ -23,6 +25,10 @@ from benchharness import plugins
 
 PLAIN = "a number, text, true, false, none, or a list of such"
 """What a parameter may be: what TOML and JSON can say."""
+MOST_POINTS = 4096
+"""Combinations of one sweep: rows of an hour and more at every frame."""
+SHOWN = 200
+"""Characters of a wrong value that a message quotes at most."""
 
 
 @dataclass(frozen=True)
@@ -39,10 +45,14 @@ class Parameter:
         """What a value may be, in words."""
         return describe(self.annotation)
 
+    @cached_property
+    def _adapter(self) -> TypeAdapter:
+        return TypeAdapter(self.annotation)
+
     def value(self, given: Any, where: str) -> Any:
         """The validated value. Raises ValueError; `where` is 'file: key'."""
         try:
-            return TypeAdapter(self.annotation).validate_json(_json(given, where), strict=True)
+            return self._adapter.validate_json(_json(given, where), strict=True)
         except PydanticUserError as error:
             raise ValueError(f"{where}: {self.accepted()} is no type of a parameter ({error}); accepted: {PLAIN}") from None
         except ValidationError as error:
@@ -56,8 +66,13 @@ class Parameter:
             return [self.value(given, where)]
         if not given:
             raise ValueError(f"{where} is an empty list; accepted: {self.accepted()}, or a list of such to sweep over")
-        values = [self.value(item, f"{where}[{number}]") for number, item in enumerate(given)]
-        return [value for number, value in enumerate(values) if value not in values[:number]]
+        if len(given) > MOST_POINTS:
+            raise ValueError(f"{where} has {len(given):,} values; accepted: at most {MOST_POINTS:,}")
+        found: dict[str, Any] = {}
+        for number, item in enumerate(given):
+            value = self.value(item, f"{where}[{number}]")
+            found.setdefault(text(value), value)
+        return list(found.values())
 
 
 def of_method(method: type) -> dict[str, Parameter]:
@@ -132,6 +147,9 @@ def sweep(table: Mapping[str, Any], declared: Mapping[str, Parameter], where: st
         if parameter.default is Parameter.required and name not in table:
             raise ValueError(f"{where}: key {name!r} is missing; accepted: {parameter.accepted()}")
     axes = [declared[key].choices(given, f"{where}.{key}") for key, given in table.items()]
+    points = math.prod(len(axis) for axis in axes)
+    if points > MOST_POINTS:
+        raise ValueError(f"{where} sweeps over {points:,} combinations; accepted: at most {MOST_POINTS:,}")
     defaults = {name: parameter.default for name, parameter in declared.items()}
     return [
         {name: {**defaults, **dict(zip(table, point, strict=True))}[name] for name in declared}
@@ -208,4 +226,5 @@ def _json(given: Any, where: str) -> str:
 
 
 def _shown(given: Any) -> str:
-    return json.dumps(given, default=str)
+    shown = json.dumps(given, default=str)
+    return shown if len(shown) <= SHOWN else shown[:SHOWN] + " ..."

@@ -6,12 +6,16 @@ calls it, whichever of its modules is imported first.
 
 from __future__ import annotations
 
+import errno
 import os
+import platform as machine
+import stat
 import sys
-import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
+
+import platformdirs
 
 VARIANTS = ("llvm_ad_rgb", "cuda_ad_rgb")
 """Variants that can time a method. `scalar_rgb` runs without LLVM or CUDA, but compiles no kernels."""
@@ -61,21 +65,64 @@ def use_any_variant() -> None:
     return use_variant("scalar_rgb")
 
 
+def machine_lock() -> Path:
+    """The file whose lock says that this user is timing on this machine. Homes may be shared by machines, hence its name."""
+    return Path(platformdirs.user_state_dir("benchharness")) / f"timing-{machine.node() or 'here'}.lock"
+
+
 @contextmanager
 def alone(say: Callable[[str], None]) -> Iterator[None]:
-    """Holds this machine's timing lock: one job at a time is timed on a machine, whoever starts it.
+    """Holds this machine's timing lock: one process of a user is timed on a machine at a time, whoever starts it.
 
-    `say` hears about it when another run holds the lock and this one waits. The lock goes with the process.
+    `say` hears about it when another process holds the lock and this one waits. The lock goes with the process. Raises
+    EnvironmentBroken where there can be no lock.
+    """
+    path = see_machine_lock()
+    with locked(path, lambda: say("another run is timing on this machine; waiting for it to end")):
+        yield
+
+
+def see_machine_lock() -> Path:
+    """The file of the timing lock, made where there is none. Raises EnvironmentBroken where it cannot be locked."""
+    path = machine_lock()
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        os.close(_lock_file(path))
+    except OSError as error:
+        raise EnvironmentBroken(
+            f"the lock for timing, {path}, cannot be held: {error.strerror}\n"
+            "mend: let it be a plain file of yours, or name a folder that can be written in XDG_STATE_HOME"
+        ) from error
+    return path
+
+
+def locked(path: Path, busy: Callable[[], None]) -> AbstractContextManager[object]:
+    """Locks a file, until the context that is returned, or the process, ends. The file is made where there is none; it is
+    never written to, and a link in its place is not followed.
+
+    `busy` is called where another process holds the lock; if it returns, this one waits. Raises OSError for what cannot
+    be locked.
     """
     try:
         import fcntl
     except ImportError:  # not a Unix: two runs at once are the user's to avoid
-        yield
-        return
-    with open(Path(tempfile.gettempdir()) / f"benchharness-{os.getuid()}.lock", "w") as lock:
+        return nullcontext()
+    with ExitStack() as held:
+        file = _lock_file(path)
+        held.callback(os.close, file)
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            say("another run is timing on this machine; waiting for it to end")
-            fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
+            busy()
+            fcntl.flock(file, fcntl.LOCK_EX)
+        return held.pop_all()
+
+
+def _lock_file(path: Path) -> int:
+    """The descriptor of a plain file to lock. Raises OSError for a link, a folder, a device."""
+    no_link = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    file = os.open(path, os.O_RDWR | os.O_CREAT | no_link, 0o600)
+    if not stat.S_ISREG(os.fstat(file).st_mode):
+        os.close(file)
+        raise OSError(errno.EINVAL, "it is no plain file", str(path))
+    return file

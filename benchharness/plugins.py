@@ -207,9 +207,14 @@ def absolute(spec: str, base: Path) -> str:
     return str((base / path).resolve()) + (f":{name}" if name else "")
 
 
+def file_of(spec: str) -> Path:
+    """The file of a plugin that is given as `file.py` or `file.py:Name`."""
+    return Path(_split(spec)[0])
+
+
 def name_of(spec: str) -> str:
     """What a plugin is called that is given as `file.py` or `file.py:Name`."""
-    return Path(_split(spec)[0]).stem
+    return file_of(spec).stem
 
 
 def _split(spec: str) -> tuple[str, str | None]:

@@ -51,13 +51,13 @@ class Lines:
                 self._lines.put(line)
         self._lines.put(b"")
 
-    def next(self, timeout_s: float) -> dict[str, Any] | None:
-        """The next one; None at the end, half a line of a child that was killed included.
+    def next(self, timeout_s: float | None) -> dict[str, Any] | None:
+        """The next one; None at the end, half a line of a child that was killed included. `timeout_s`: None to wait for ever.
 
         Raises TimeoutError where none comes in time, ValueError for what is no JSON object.
         """
         try:
-            line = self._lines.get(timeout=max(0.0, timeout_s))
+            line = self._lines.get(timeout=None if timeout_s is None else max(0.0, timeout_s))
         except queue.Empty:
             raise TimeoutError from None
         if not line.endswith(b"\n"):

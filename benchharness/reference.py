@@ -31,6 +31,7 @@ from benchharness.scene import Camera, Reflector, Scene
 FILTERS = ("center", "box")
 LANES = 1 << 21
 """Rays traced at once: bounds memory."""
+MOST_SPP, MOST_DEPTH = 1 << 20, 1024
 
 
 @dataclass(frozen=True)
@@ -59,12 +60,12 @@ class ReferenceOptions:
             if getattr(self, name) not in accepted:
                 raise ValueError(f"reference: {name} is {getattr(self, name)!r}; accepted: {', '.join(accepted)}")
         least = 1 if self.lighting == "baked" else 3
-        for name, low in (("spp", 1), ("max_depth", least), ("bake_spp", 1)):
+        for name, low, high in (("spp", 1, MOST_SPP), ("max_depth", least, MOST_DEPTH), ("bake_spp", 1, MOST_SPP)):
             value = getattr(self, name)
             if value is None and name == "max_depth":
                 continue
-            if not isinstance(value, int) or isinstance(value, bool) or value < low:
-                raise ValueError(f"reference: {name} is {value!r}; accepted: whole numbers from {low}")
+            if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
+                raise ValueError(f"reference: {name} is {value!r}; accepted: whole numbers from {low} to {high}")
 
     @property
     def depth(self) -> int:

@@ -1,33 +1,31 @@
-"""Jobs -> records: the only loop over scenes, frames and methods, and the run folder that it fills.
+"""Jobs -> records: the only loop over scenes, frames and methods, and what it leaves in the run's folder.
 
-A run folder holds `run.json` (what was asked for), `journal.jsonl` (one line per finished frame, on the disk before the
-next frame starts), `worker-N.log`, `images/`, and at the end the tables and the report. A run that was killed loses the
-frame in flight; `resume` reads the journal and does the rest. Rows come out in the order of the config (scene, frame,
-method, parameters), however often it was interrupted.
+Besides what every run leaves (`benchharness.folder`) that is `worker-N.log`, and at the end the tables and the report. A run
+that was killed loses the frame in flight; `resume` reads the journal and does the rest. Rows come out in the order of the
+config (scene, frame, method, parameters), however often it was interrupted.
+
+Lines of the journal are what `benchharness.supervisor` yields.
 """
 
 from __future__ import annotations
 
-import json
-import os
-from collections.abc import Iterable, Iterator
-from contextlib import nullcontext
-from datetime import datetime
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Annotated, Any, Literal, Protocol
 
-from benchharness import platform, results, supervisor
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from benchharness import estimate, folder, platform, results, supervisor
 from benchharness.config import Config, Job
+from benchharness.folder import Incomparable as Incomparable
+from benchharness.folder import Journal
 
 BENCH = "benchharness.measure:Bench"
-RUNS = Path("results") / "runs"
 
 FINE, INCOMPLETE = 0, 3
 BROKEN = ("crashed", "timeout")
-
-
-class Incomparable(Exception):
-    """A run cannot be taken up, since something changed that its rows depend on. Exit code 4."""
 
 
 class Listener(Protocol):
@@ -49,26 +47,44 @@ def run(
     listener: Listener,
     *,
     resume: bool = False,
+    yes: bool = False,
     cluster: str | None = None,
     bench: str | None = None,
 ) -> tuple[int, Path]:
     """Runs a study, or the rest of it; returns the exit code and the run folder.
 
     out      the run folder; a new one under results/runs/ if None, or, to resume, the newest one of this config there
+    yes      begin, however long it may take
     cluster  address of a distributed scheduler that jobs are given to; this machine if None
     bench    `module:Class` of what measures, see `worker.Bench`; BENCH if None
 
-    Raises ValueError for a folder that cannot be used, Incomparable where the folder's run was another.
+    Raises ValueError for a folder that cannot be used and, unless `yes`, for a run that takes too long; Incomparable where
+    the folder's run was another.
     """
-    with platform.alone(listener.note) if cluster is None else nullcontext():
-        environment = results.environment(config.run.variant)
-        plan = _plan(config, results.environment_hash(environment))
-        folder = _taken_up(config, out, plan) if resume else _fresh(config, out, plan)
-        journal = Journal(folder / "journal.jsonl")
-        pasts = _pasts(config, journal.lines())
-        setting = _setting(config, folder, plan["environment"], bench or BENCH)
-        (folder / "images").mkdir(exist_ok=True)
-        for line in _lines(config, setting, pasts, listener, cluster):
+    environment = results.environment(config.run.variant)
+    plan = _plan(config, results.environment_hash(environment))
+    with ExitStack() as held:
+        client = None
+        if cluster is not None:
+            from benchharness.cluster import connected
+
+            client = held.enter_context(connected(cluster, listener.note))
+        else:
+            platform.see_machine_lock()
+        if not resume:
+            estimate.agreed(*estimate.of_run(config, [len(job.frames) for job in config.jobs]), yes, listener.note)
+        place = held.enter_context(folder.opened(config.name, out, plan, resume))
+        journal = Journal(place / folder.JOURNAL)
+        lines = _checked(config, journal)
+        tasks = [*_again(config, lines, place / folder.IMAGES, listener), *_tasks(config, _pasts(config, lines))]
+        if resume:
+            left = [sum(task.left for task in tasks if task.number == n) for n in range(len(config.jobs))]
+            estimate.agreed(*estimate.of_run(config, left), yes, listener.note)
+        setting = _setting(config, place, plan["environment"], bench or BENCH)
+        for line in _lines(tasks, setting, listener, client):
+            if "note" in line:
+                listener.note(line["note"])
+                continue
             journal.append(line)
             if "frame" in line:
                 listener.frame(line["frame"], line["records"])
@@ -76,53 +92,118 @@ def run(
                 listener.note(f"{line['status']}: {line['out']}: {line['reason']}")
         records, samples = _tables(journal.lines())
         notes = {"scenes": {job.scene.label: "; ".join(job.notes) for job in config.jobs if job.notes}}
-        _write(folder, records, samples, environment | (notes if notes["scenes"] else {}))
-    statuses = {record["status"] for record in records}
-    complete = not statuses & set(BROKEN) and "ok" in statuses
-    return FINE if complete else INCOMPLETE, folder
+        _write(place, records, samples, environment | (notes if notes["scenes"] else {}))
+    asked = sum(len(job.frames) * len(job.entries) for job in config.jobs)
+    return exit_code([record["status"] for record in records], asked), place
 
 
-class Journal:
-    """Lines of JSON, each on the disk when `append` returns. A last line that a crash cut short is cut away."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        if path.exists():
-            os.truncate(path, path.read_bytes().rfind(b"\n") + 1)
-
-    def lines(self) -> list[dict]:
-        """All lines. Raises ValueError for one that is damaged."""
-        if not self.path.exists():
-            return []
-        found = []
-        for number, line in enumerate(self.path.read_bytes().splitlines(), 1):
-            try:
-                found.append(json.loads(line))
-            except ValueError as error:
-                raise ValueError(f"{self.path}: line {number} is damaged ({error}); accepted: a new run") from None
-        return found
-
-    def append(self, line: dict) -> None:
-        with open(self.path, "ab") as stream:
-            stream.write((json.dumps(line) + "\n").encode())
-            stream.flush()
-            os.fsync(stream.fileno())
+def exit_code(statuses: Sequence[str], asked: int) -> int:
+    """FINE where there is an answer in each of the rows `asked` for, or a refusal, and at least one answer."""
+    broken = {*BROKEN, "invalid"} & set(statuses)
+    return FINE if len(statuses) == asked and "ok" in statuses and not broken else INCOMPLETE
 
 
-def _lines(
-    config: Config, setting: supervisor.Setting, pasts: list[supervisor.Past], listener: Listener, cluster: str | None
-) -> Iterator[dict]:
-    """New lines of the journal: job after job on this machine, or as they come from a cluster."""
-    if cluster is not None:
+class _Record(BaseModel):
+    model_config = ConfigDict(extra="allow")
+    method: str
+    params: str
+    status: Literal["ok", "refused", "invalid", "timeout", "crashed"]
+
+
+class _FrameLine(BaseModel):
+    job: Annotated[int, Field(ge=0)]
+    frame: int
+    records: list[_Record]
+    samples: list[dict[str, Any]]
+    pictures: dict[str, str] = {}
+    again: list[str] = []
+
+
+class _OutLine(BaseModel):
+    job: Annotated[int, Field(ge=0)]
+    out: str
+    status: Literal["refused", "invalid", "timeout", "crashed"]
+    reason: str
+    again: bool = False
+
+
+_LINE = TypeAdapter(_FrameLine | _OutLine)
+
+
+def _checked(config: Config, journal: Journal) -> list[dict]:
+    """The lines of a run's journal. Raises ValueError for one that is not of this run."""
+    lines = journal.lines()
+    for number, line in enumerate(lines, 1):
+        try:
+            found = _LINE.validate_python(line, strict=True)
+        except ValidationError as error:
+            first = error.errors()[0]
+            journal.refuse(number, f"{'.'.join(map(str, first['loc']))}: {first['msg']}")
+        if found.job >= len(config.jobs):
+            journal.refuse(number, f"job is {found.job}, of {len(config.jobs)}")
+        job = config.jobs[found.job]
+        if isinstance(found, _OutLine):
+            if found.out not in {entry.key for entry in job.entries}:
+                journal.refuse(number, f"out is {found.out!r}, which is no method of this run")
+        elif found.frame not in job.frames:
+            journal.refuse(number, f"frame is {found.frame}, of {job.frames}")
+        elif [(r.method, r.params) for r in found.records] != [(e.method, e.params_text) for e in job.entries]:
+            journal.refuse(number, "the rows are not those of this run")
+    return lines
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is left of a job, `number` in the run, or a part of it."""
+
+    number: int
+    job: Job
+    past: supervisor.Past
+
+    @property
+    def left(self) -> int:
+        """How many frames."""
+        return len({*self.job.frames} - self.past.done)
+
+
+def _tasks(config: Config, pasts: Iterable[supervisor.Past]) -> list[Task]:
+    return [Task(number, job, past) for number, (job, past) in enumerate(zip(config.jobs, pasts, strict=True))]
+
+
+def _again(config: Config, lines: Iterable[dict], images: Path, listener: Listener) -> Iterator[Task]:
+    """Frames whose pictures are not what they were: once more, with the methods that had an answer there."""
+    for (number, frame), line in _last(lines).items():
+        lost = folder.lost(images, line.get("pictures", {}))
+        if lost and not line.get("again"):
+            job = config.jobs[number]
+            named = f"{job.facts['scene']}, frame {frame}"
+            listener.note(f"{named}: done again, since pictures are gone or changed: {', '.join(lost[:3])}")
+            out = {
+                entry.key: {"status": record["status"], "reason": record["reason"]}
+                for entry, record in zip(job.entries, line["records"], strict=True)
+                if record["status"] in (*BROKEN, "refused")
+            }
+            yield Task(number, job, supervisor.Past({*job.frames} - {frame}, out))
+
+
+def _last(lines: Iterable[dict]) -> dict[tuple[int, int], dict]:
+    """Job and frame -> the line of that frame, the last one if it was done again; jobs and frames in their order."""
+    found = {(line["job"], line["frame"]): line for line in lines if "frame" in line}
+    return {place: found[place] for place in sorted(found)}
+
+
+def _lines(tasks: Sequence[Task], setting: supervisor.Setting, listener: Listener, client: Any) -> Iterator[dict]:
+    """New lines of the journal: task after task on this machine, or as they come from a cluster."""
+    if client is not None:
         from benchharness.cluster import execute_on
 
-        yield from execute_on(cluster, config.jobs, setting, pasts)
+        yield from execute_on(client, setting, [(task.number, task.job, task.past) for task in tasks])
         return
-    for number, (job, past) in enumerate(zip(config.jobs, pasts, strict=True)):
-        listener.job(number, job, len(job.frames) - len(past.done))
-        for note in job.notes:
+    for task in tasks:
+        listener.job(task.number, task.job, task.left)
+        for note in task.job.notes:
             listener.note(f"  {note}")
-        yield from supervisor.execute(number, job, setting, past)
+        yield from supervisor.execute(task.number, task.job, setting, task.past)
 
 
 def _plan(config: Config, environment: str) -> dict[str, Any]:
@@ -137,7 +218,7 @@ def _plan(config: Config, environment: str) -> dict[str, Any]:
     }
 
 
-def _setting(config: Config, folder: Path, environment: str, bench: str) -> supervisor.Setting:
+def _setting(config: Config, place: Path, environment: str, bench: str) -> supervisor.Setting:
     run, reference = config.run, config.reference
     document = {
         "variant": run.variant,
@@ -148,14 +229,14 @@ def _setting(config: Config, folder: Path, environment: str, bench: str) -> supe
         "bench": bench,
     }
     columns = {
-        "run": folder.name,
+        "run": place.name,
         "config": config.name,
         "variant": run.variant,
         "reference_lighting": reference["lighting"],
         "config_hash": config.config_hash,
         "environment": environment,
     }
-    return supervisor.Setting(document, columns, config.method_hashes, str(folder.resolve()), run.timeout_s)
+    return supervisor.Setting(document, columns, config.method_hashes, str(place.resolve()), run.timeout_s)
 
 
 def _pasts(config: Config, lines: Iterable[dict]) -> list[supervisor.Past]:
@@ -176,58 +257,14 @@ def _pasts(config: Config, lines: Iterable[dict]) -> list[supervisor.Past]:
 
 def _tables(lines: Iterable[dict]) -> tuple[list[dict], list[dict]]:
     """Records and samples of all frames, jobs and frames in their order; of a frame that was done anew, the last ones."""
-    found = {(line["job"], line["frame"]): line for line in lines if "frame" in line}
-    frames = [found[place] for place in sorted(found)]
+    frames = _last(lines).values()
     return [r for line in frames for r in line["records"]], [s for line in frames for s in line["samples"]]
 
 
-def _write(folder: Path, records: list[dict], samples: list[dict], environment: dict) -> None:
-    results.write_results(folder, records)
-    results.write_samples(folder, samples)
-    results.write_environment(folder, environment)
+def _write(place: Path, records: list[dict], samples: list[dict], environment: dict) -> None:
+    results.write_results(place, records)
+    results.write_samples(place, samples)
+    results.write_environment(place, environment)
     from benchharness import report
 
-    report.write(folder)
-
-
-def _fresh(config: Config, out: Path | None, plan: dict) -> Path:
-    """A new run folder. Raises ValueError if there is something in it, or it cannot be written."""
-    folder = out or RUNS / f"{config.name}-{datetime.now():%Y%m%d-%H%M%S}"
-    if (folder / "run.json").exists():
-        raise ValueError(f"--out {folder} holds a run; accepted: an empty folder, or --resume to take that run up")
-    try:
-        if folder.is_dir() and any(folder.iterdir()):
-            raise ValueError(f"--out {folder} is not empty and holds no run; accepted: an empty or a new folder")
-        folder.mkdir(parents=True, exist_ok=True)
-        results.write_atomic(folder / "run.json", json.dumps(plan, indent=2) + "\n")
-    except OSError as error:
-        raise ValueError(f"--out {folder} cannot be written: {error}; accepted: a folder that can") from None
-    return folder
-
-
-def _taken_up(config: Config, out: Path | None, plan: dict) -> Path:
-    """The folder of the run to resume. Raises ValueError if there is none, Incomparable if it was another run."""
-    if out is None:
-        stamped = RUNS.glob(f"{config.name}-{'[0-9]' * 8}-{'[0-9]' * 6}/run.json")
-        earlier = sorted(path.parent for path in stamped)
-        if not earlier:
-            raise ValueError(f"--resume: there is no run of {config.name} in {RUNS}; accepted: --out with its folder")
-        out = earlier[-1]
-    file = out / "run.json"
-    try:
-        before = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ValueError(f"--resume: {out} holds no run ({error}); accepted: a run folder") from None
-    changed = [name for name in plan if json.dumps(before.get(name)) != json.dumps(plan[name])]
-    if changed:
-        details = "; ".join(f"{name}: {_difference(before.get(name), plan[name])}" for name in changed)
-        raise Incomparable(f"--resume: the run in {out} was another one ({details}); start a new run")
-    return out
-
-
-def _difference(before: Any, now: Any) -> str:
-    """Which keys differ, or both values."""
-    if isinstance(before, dict) and isinstance(now, dict):
-        names = [name for name in {**before, **now} if before.get(name) != now.get(name)]
-        return ", ".join(f"{name!r} changed, is new or is gone" for name in names) or "another order"
-    return f"{before} -> {now}"
+    report.write(place)

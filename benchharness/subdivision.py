@@ -6,12 +6,18 @@ from collections.abc import Callable
 
 import numpy as np
 
+MOST_FACES = 4_000_000
+"""That a mesh may be split into: ten times the most of any scene here. The next round may make four times as many."""
+
 
 def split_edges(
     v: np.ndarray, f: np.ndarray, attributes: np.ndarray, h_max: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Vertices [V, 3], faces int64 [F, 3] and attributes [V, A] with every edge longer than `h_max` split at its midpoint,
-    again and again until none is left. New vertices come last; their attributes are the mean of the edge's ends."""
+    again and again until none is left. New vertices come last; their attributes are the mean of the edge's ends.
+
+    Raises ValueError for more than MOST_FACES.
+    """
     while True:
         edges = np.sort(np.stack([f, np.roll(f, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
         unique, inverse = np.unique(edges, axis=0, return_inverse=True)
@@ -23,6 +29,8 @@ def split_edges(
         v = np.concatenate([v, v[unique[split]].mean(axis=1)])
         attributes = np.concatenate([attributes, attributes[unique[split]].mean(axis=1)])
         f = _split_faces(f, middle[inverse.reshape(-1, 3)], v)
+        if len(f) > MOST_FACES:
+            raise ValueError(f"h_max is {h_max:g}: over {MOST_FACES:,} triangles; accepted: a greater length")
 
 
 def _split_faces(f: np.ndarray, middle: np.ndarray, v: np.ndarray) -> np.ndarray:

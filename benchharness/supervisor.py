@@ -2,8 +2,13 @@
 
 Yields the lines of the journal as they come true:
 
-    {"job", "out": entry, "status", "reason", "again"}   the entry gets no more frames of this job
-    {"job", "frame", "records", "samples", "again"}      a frame is done; complete rows of results.csv and samples.csv
+    {"job", "out": entry, "status", "reason", "again"}           the entry gets no more frames of this job
+    {"job", "frame", "records", "samples", "pictures", "again"}  a frame is done; complete rows of results.csv and samples.csv,
+                                                                 checksums of its pictures by name
+
+and what does not belong there:
+
+    {"job", "note"}                                              something the user should read
 
 What proves that a death is an entry's: it died, or threw what nobody caught, while it was in flight, twice in one frame, or
 was in flight when the time was over. A worker that died once may have been killed by anybody. Where it dies again outside
@@ -33,8 +38,9 @@ WORDS = {
     "out": {"entry", "status", "reason"},
     "ready": set(),
     "start": {"frame"},
+    "waits": {"text"},
     "watch": {"entry"},
-    "frame": {"frame", "records", "samples"},
+    "frame": {"frame", "records", "samples", "pictures"},
     "failed": {"reason", "machine"},
     "done": set(),
 }
@@ -111,6 +117,7 @@ class _Execution:
     again    those of them that are tried again when the run is taken up
     strikes  (frame, entry in flight) of deaths that may have been anybody's
     lost     the last frame is done, and no entry lived through it
+    waited   it was said that another process is timing
     """
 
     def __init__(self, number: int, job: Job, setting: Setting, past: Past) -> None:
@@ -120,23 +127,32 @@ class _Execution:
         self.again: set[str] = set()
         self.strikes: set[tuple[int | None, str]] = set()
         self.lost = False
+        self.waited = False
 
     def lines(self) -> Iterator[dict]:
         while self.left:
             entries = self._within(self.job.entries)
             if not entries:
                 for frame in list(self.left):
-                    yield self._done(frame, [], [])
+                    yield self._done(frame, [], [], {})
                 return
             ending = _Ending()
             for event in _worker(self.number, self.job, self.setting, entries, self.left, ending):
-                if event["event"] == "out":
-                    yield self._leaves(event["entry"], {"status": event["status"], "reason": event["reason"]})
-                else:
-                    yield self._done(event["frame"], event["records"], event["samples"])
+                if event["event"] == "frame":
+                    yield self._done(event["frame"], event["records"], event["samples"], event["pictures"])
                     self.lost = False
+                else:
+                    yield from self._said(event)
             if self.left and ending.reason is not None:
                 yield from self._after(ending)
+
+    def _said(self, event: dict) -> Iterator[dict]:
+        """The line of an event that is no frame."""
+        if event["event"] == "out":
+            yield self._leaves(event["entry"], {"status": event["status"], "reason": event["reason"]})
+        elif not self.waited:
+            self.waited = True
+            yield {"job": self.number, "note": event["text"]}
 
     def _within(self, entries: Sequence[Entry]) -> list[Entry]:
         return [entry for entry in entries if entry.key not in self.out]
@@ -167,15 +183,16 @@ class _Execution:
     def _in_halves(self, frame: int) -> Iterator[dict]:
         """A frame in which workers die outside any entry: done in parts, until those are alone without which they live."""
         entries = self._within(self.job.entries)
-        records, samples, dead = [], [], {}
+        records, samples, pictures, dead = [], [], {}, {}
         parts = deque(_halves(entries))
         while parts:
             part, ending, done = parts.popleft(), _Ending(), False
             for event in _worker(self.number, self.job, self.setting, part, [frame], ending):
-                if event["event"] == "out":
-                    yield self._leaves(event["entry"], {"status": event["status"], "reason": event["reason"]})
+                if event["event"] != "frame":
+                    yield from self._said(event)
                     continue
                 done = True
+                pictures |= event["pictures"]
                 records += event["records"]
                 samples += [sample for sample in event["samples"] if sample["entry"] or not samples]
             part = [] if done else self._within(part)
@@ -188,7 +205,7 @@ class _Execution:
                 part = [entry for entry in part if entry.key != blamed]
             parts += _halves(part)
         self.lost = not records
-        yield self._done(frame, records, samples, dead)
+        yield self._done(frame, records, samples, pictures, dead)
         if records:
             for key, columns in dead.items():
                 yield self._leaves(key, columns, again=True)
@@ -200,7 +217,14 @@ class _Execution:
             self.again.add(key)
         return {"job": self.number, "out": key, **columns, "again": again}
 
-    def _done(self, frame: int, records: list[dict], samples: list[dict], dead: dict[str, dict] | None = None) -> dict:
+    def _done(
+        self,
+        frame: int,
+        records: list[dict],
+        samples: list[dict],
+        pictures: dict[str, str],
+        dead: dict[str, dict] | None = None,
+    ) -> dict:
         """The line of a frame: what the worker measured, completed with the columns that it does not know."""
         self.left.remove(frame)
         dead = dead or {}
@@ -217,7 +241,7 @@ class _Execution:
             about = _about(entries[sample["entry"]]) if sample["entry"] else {"method": "", "params": ""}
             raw.append({**place, **about, **{k: v for k, v in sample.items() if k != "entry"}})
         again = [key for key in entries if key in self.again or key in dead]
-        line = {"job": self.number, "frame": frame, "records": rows, "samples": raw, "again": again}
+        line = {"job": self.number, "frame": frame, "records": rows, "samples": raw, "pictures": pictures, "again": again}
         self.out |= crashed_in(line)
         return line
 
@@ -235,7 +259,7 @@ def _about(entry: Entry) -> dict[str, str]:
 def _worker(
     number: int, job: Job, setting: Setting, entries: list[Entry], frames: Collection[int], ending: _Ending
 ) -> Iterator[dict]:
-    """The "out" and "frame" events of one worker; how it ended is left in `ending`."""
+    """The "out", "frame" and "waits" events of one worker; how it ended is left in `ending`."""
     folder = Path(setting.folder)
     job_file, log = folder / f"job-{number}.json", folder / f"worker-{number}.log"
     document = {
@@ -274,13 +298,15 @@ def _code(process: subprocess.Popen) -> str:
 def _events(
     process: subprocess.Popen, timeout_s: float, entries: set[str], frames: set[int], ending: _Ending
 ) -> Generator[dict, None, str | None]:
-    """Yields "out" and "frame"; follows the rest. Returns what went wrong, "" if it just ended, None if all is done."""
+    """Yields "out", "frame" and "waits"; follows the rest. Returns what went wrong, "" if it just ended, None if all is
+    done."""
     assert process.stdout is not None
     lines = processes.Lines(process.stdout)
-    deadline, waits_for = time.monotonic() + timeout_s, "the preparation of the scene"
+    deadline: float | None = time.monotonic() + timeout_s
+    waits_for = "the preparation of the scene"
     while True:
         try:
-            event = lines.next(deadline - time.monotonic())
+            event = lines.next(None if deadline is None else deadline - time.monotonic())
             if event is None:
                 return ""
             _check(event, entries, frames)
@@ -303,6 +329,9 @@ def _events(
             case "start":
                 deadline, waits_for = time.monotonic() + timeout_s, f"frame {event['frame']}"
                 ending.frame = event["frame"]
+            case "waits":
+                deadline = None
+                yield event
             case "out":
                 entries.discard(event["entry"])
                 yield event

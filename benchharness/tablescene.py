@@ -42,10 +42,11 @@ SUFFIXES = (".obj", ".ply", ".glb")
 PANORAMAS = (".exr", ".hdr")
 SPLIT = 1 / 25  # of the diagonal of all objects: the longest edge, if nothing is said
 
-Vector = tuple[float, float, float]
+Coordinate = Annotated[float, Field(ge=-1e9, le=1e9)]
+Vector = tuple[Coordinate, Coordinate, Coordinate]
 Share = Annotated[float, Field(ge=0, le=1)]
-Positive = Annotated[float, Field(gt=0)]
-Radiance = Annotated[float, Field(ge=0)]
+Positive = Annotated[float, Field(gt=0, le=1e9)]
+Radiance = Annotated[float, Field(ge=0, le=1e9)]
 
 
 class Table(BaseModel):
@@ -83,14 +84,14 @@ class SceneTable(Table):
     objects: Annotated[list[ObjectTable], Field(min_length=1)]
     reflectors: Annotated[list[ReflectorTable], Field(min_length=1)]
     camera: CameraTable
-    frames: Annotated[int, Field(ge=1)] = 1
+    frames: Annotated[int, Field(ge=1, le=100_000)] = 1
     fps: Positive = 25.0
     near: Positive | None = None
     background: tuple[Radiance, Radiance, Radiance] = (0.0, 0.0, 0.0)
     environment: str | None = None
     environment_centre: Vector | None = None
     ppd: Positive = 67.0
-    exposure: float = 0.0
+    exposure: Annotated[float, Field(ge=-64, le=64)] = 0.0
     h_max: Positive | None = None
 
 
@@ -136,9 +137,13 @@ def build(name: str, table: SceneTable, base: Path, where: str) -> Scene:
     environment = _environment(table, base, where)
     corners = np.concatenate([o.mesh.vertices for o in objects])
     h_max = table.h_max or SPLIT * float(np.linalg.norm(np.ptp(corners, axis=0)))
+    try:
+        split = tuple(replace(o, mesh=subdivided(o.mesh, h_max)) for o in objects)
+    except ValueError as error:
+        raise ValueError(f"{where}.objects: {error}") from None
     return Scene(
         name=name,
-        objects=tuple(replace(o, mesh=subdivided(o.mesh, h_max)) for o in objects),
+        objects=split,
         reflectors=tuple(reflectors),
         camera=_camera(table),
         frames=table.frames,

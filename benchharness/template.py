@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import keyword
+import re
 from pathlib import Path
 
 from benchharness import plugins
@@ -46,8 +48,11 @@ class {name}(Method):
 
 def new_method(name: str, folder: Path) -> Path:
     """Writes `folder/name.py`. Raises ValueError for what is no module's name, and never writes over a file."""
-    if not (name.isidentifier() and name == name.lower()):
-        raise ValueError(f"new-method: {name!r} is no name; accepted: small letters, digits and _, such as my_method")
+    if not re.fullmatch(r"[a-z][a-z0-9_]{0,63}", name):
+        raise ValueError(f"new-method: {name!r} is no name; accepted: up to 64 small letters, digits and _, such as my_method")
+    for taken in (name, plugins.camel_case(name)):
+        if keyword.iskeyword(taken) or taken in ("Frame", "Method", "Reflection", "Scene"):
+            raise ValueError(f"new-method: {name!r} needs {taken!r}, which has another meaning; accepted: another name")
     path = folder / f"{name}.py"
     try:
         with open(path, "x", encoding="utf-8") as stream:

@@ -8,7 +8,9 @@ Lines: {"event": "out", "entry", "status", "reason"}        the entry does not r
        {"event": "ready"}                                   the scene is prepared
        {"event": "start", "frame"}                          the clock of a frame starts
        {"event": "watch", "entry"}                          native code of this entry starts; "" when it ends
-       {"event": "frame", "frame", "records", "samples"}    a frame is done
+       {"event": "waits", "text"}                           another process is timing; the clock begins anew with "start"
+       {"event": "frame", "frame", "records", "samples",    a frame is done; checksums of its pictures by name
+        "pictures"}
        {"event": "failed", "reason", "machine"}             an exception that ends the work; machine: of files or devices
        {"event": "done"}                                    the last word; an end without it is none
 """
@@ -20,11 +22,12 @@ import importlib
 import json
 import sys
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from benchharness import platform, plugins, processes
+from benchharness import folder, platform, plugins, processes
 
 if TYPE_CHECKING:
     from benchharness.api import Method
@@ -34,6 +37,8 @@ class Bench(Protocol):
     """What measures: `Bench(scene, size, reference, out, seed, rounds)`, one scene in one process.
 
     out        folder for the pictures of the next frame; None where none are kept. Set before every frame
+    prepare    does what has to be done for a frame before anything is timed. Called before `run_frame`, of which there is only
+               one at a time on a machine
     run_frame  (frame, entry -> method, watch) -> records with the measured columns and "entry", and samples with
                "entry" ("" for what belongs to no method), "clock", "round", "ms". Calls `watch(entry)` just before
                native code of an entry runs and `watch("")` after it. A method's exception is a record with status
@@ -43,6 +48,8 @@ class Bench(Protocol):
     """
 
     out: Path | None
+
+    def prepare(self, index: int) -> None: ...
 
     def run_frame(
         self, index: int, methods: Mapping[str, Method], watch: Callable[[str], None]
@@ -98,10 +105,30 @@ def _work(job: dict[str, Any], say: Callable[[dict], None]) -> None:
     say({"event": "ready"})
     for frame in job["frames"]:
         say({"event": "start", "frame": frame})
-        bench.out = out if frame in job["images"] else None
-        records, samples = bench.run_frame(frame, methods, watch)
+        bench.prepare(frame)
+        with nullcontext() if out is None or frame not in job["images"] else folder.pictures(out) as pictures:
+            bench.out = None if pictures is None else pictures.folder
+            with _alone(frame, say):
+                records, samples = bench.run_frame(frame, methods, watch)
+            kept = {} if pictures is None else pictures.keep()
         assert [r["entry"] for r in records] == list(methods), "one record per entry, in their order"
-        say({"event": "frame", "frame": frame, "records": records, "samples": samples})
+        say({"event": "frame", "frame": frame, "records": records, "samples": samples, "pictures": kept})
+
+
+@contextmanager
+def _alone(frame: int, say: Callable[[dict], None]) -> Iterator[None]:
+    """The machine's timing lock. The time that this process waits for it is not the frame's."""
+    waited = False
+
+    def wait(text: str) -> None:
+        nonlocal waited
+        waited = True
+        say({"event": "waits", "text": text})
+
+    with platform.alone(wait):
+        if waited:
+            say({"event": "start", "frame": frame})
+        yield
 
 
 if __name__ == "__main__":

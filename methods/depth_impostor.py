@@ -66,8 +66,8 @@ class DepthImpostor(Method):
     planes: Annotated[int, Field(ge=8, le=4096)] = 512
     environment: Annotated[int, Field(ge=4, le=4096)] = 256
     others: Literal["reflective", "black", "omitted"] = "reflective"
-    walls: Annotated[float, Field(ge=0)] = 0.0
-    attenuation: Annotated[float, Field(ge=0)] = 0.0
+    walls: Annotated[float, Field(ge=0, le=1e6)] = 0.0
+    attenuation: Annotated[float, Field(ge=0, le=1e6)] = 0.0
 
     paper: ClassVar[str] = "Popescu et al. 2006 (depth maps)"
     limits: ClassVar[dict[str, str]] = {

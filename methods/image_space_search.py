@@ -128,7 +128,7 @@ class ImageSpaceSearch(Method):
     hidden: Literal["cut", "lookup", "simple", "full"] = "cut"
     start: Literal["pyramid", "centre"] = "pyramid"
     warm: Literal["point", "texel", "off"] = "point"
-    max_iter: Annotated[int, Field(ge=1)] = 4096
+    max_iter: Annotated[int, Field(ge=1, le=65536)] = 4096
     others: Literal["black", "omitted"] = "black"
     own: Literal["black", "omitted"] = "black"
     multi: Annotated[int, Field(ge=1, le=8)] = 1

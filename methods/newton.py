@@ -72,7 +72,7 @@ class Newton(Method):
     hidden: Literal["cut", "drop"] = "cut"
     others: Literal["black", "omitted"] = "black"
     own: Literal["black", "omitted"] = "black"
-    max_iter: Annotated[int, Field(ge=1)] = 60
+    max_iter: Annotated[int, Field(ge=1, le=65536)] = 60
     multi: Annotated[int, Field(ge=1, le=8)] = 1
 
     paper: ClassVar[str] = "Jakob and Marschner 2012"

@@ -135,7 +135,7 @@ class SecantTriangle(Method):
     resolution: Annotated[int, Field(ge=8, le=2048)] = 256
     residual: Literal["param", "surface"] = "param"
     stop: Literal["edge", "area"] = "edge"
-    tau: Annotated[float, Field(gt=0)] = 1.0
+    tau: Annotated[float, Field(gt=0, le=1e6)] = 1.0
     start: Literal["near", "paper"] = "near"
     warm: bool = True
     newton: Literal["restart", "always", "off"] = "restart"
@@ -144,7 +144,7 @@ class SecantTriangle(Method):
     self_occlusion: bool = True
     others: Literal["black", "omitted"] = "black"
     own: Literal["black", "omitted"] = "black"
-    max_iter: Annotated[int, Field(ge=1)] = 60
+    max_iter: Annotated[int, Field(ge=1, le=65536)] = 60
     multi: Annotated[int, Field(ge=1, le=8)] = 1
 
     paper: ClassVar[str] = "Roger and Holzschuch 2006"

@@ -5,6 +5,8 @@ from __future__ import annotations
 import zlib
 from pathlib import Path
 
+from benchharness import platform
+
 SCENE = """
 import numpy as np
 from benchharness.scene import Camera, Mesh, Object, Reflector, Scene
@@ -59,6 +61,9 @@ class Bench:
         self.out = out
         (out.parent / "benches").open("a").write("x")
 
+    def prepare(self, index):
+        pass
+
     def run_frame(self, index, methods, watch):
         records, samples = [], [{"entry": "", "clock": "gbuffer", "round": 0, "ms": 1.0}]
         for entry, method in methods.items():
@@ -75,6 +80,42 @@ class Bench:
         if self.out is not None:
             self.out.joinpath(f"{index}.png").touch()
         return records, samples
+
+
+class Watchful(Bench):
+    """Notes when the machine's lock is held."""
+
+    def __init__(self, scene, size, reference, out, *rest):
+        super().__init__(scene, size, reference, out, *rest)
+        self.file = out.parent / "held"
+        self.note("begins")
+
+    def note(self, what):
+        def busy():
+            raise BlockingIOError
+
+        try:
+            with platform.locked(platform.machine_lock(), busy):
+                state = "free"
+        except BlockingIOError:
+            state = "held"
+        with self.file.open("a") as file:
+            file.write(f"{what} {state}\n")
+
+    def prepare(self, index):
+        self.note("prepares")
+
+    def run_frame(self, *arguments):
+        self.note("times")
+        return super().run_frame(*arguments)
+
+
+class Nothing(Bench):
+    """Sees that no pixel is a number."""
+
+    def run_frame(self, index, methods, watch):
+        records, samples = super().run_frame(index, methods, watch)
+        return [record | {"status": "invalid", "reason": "all pixels are NaN"} for record in records], samples
 
 
 class Failing(Bench):

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import logging
+import random
 
 import numpy as np
 import pytest
+from test_folder import damaged
 
 from benchharness import cache
 
@@ -53,6 +55,52 @@ def test_an_entry_is_computed_once() -> None:
     assert len(calls) == 1
     assert second["x"].dtype == np.float32
     assert np.array_equal(first["x"], second["x"])
+
+
+def test_an_entry_that_is_not_what_was_filed_under_its_key_is_made_again(caplog) -> None:
+    """Another key's entry; one without a checksum, as of old; keys and shapes that nobody filed; what is no archive."""
+    x = {"x": np.arange(6.0)}
+    cache.cached("kind", "other", lambda: {"x": np.ones(6)})
+    path = cache.cache_folder() / "kind" / "key.npz"
+    whole = path.with_name("other.npz").read_bytes()
+    with np.load(path.with_name("other.npz")) as entry:
+        seal = entry["checksum"]
+    for wrong in [
+        whole,
+        {"x": np.arange(6.0)},
+        {"x": np.arange(6.0).reshape(2, 3), "checksum": seal},
+        {"y": np.arange(6.0), "checksum": seal},
+        {"x": np.arange(6.0), "checksum": np.array("text")},
+        {"x": np.array([object()]), "checksum": seal},
+        np.arange(6.0),
+    ]:
+        if isinstance(wrong, bytes):
+            path.write_bytes(wrong)
+        elif isinstance(wrong, dict):
+            np.savez(path, **wrong)
+        else:
+            with path.open("wb") as file:
+                np.save(file, wrong)
+        caplog.clear()
+        with caplog.at_level(logging.WARNING):
+            assert np.array_equal(cache.cached("kind", "key", lambda: x)["x"], x["x"])
+        assert "key.npz" in caplog.text
+        assert list(cache.cached("kind", "key", lambda: pytest.fail("not mended"))) == ["x"]
+
+
+def test_no_damage_of_an_entry_is_believed_or_stops_anything(caplog) -> None:
+    """400 damaged entries, from one seed."""
+    rng = random.Random(7)
+    good = {"image": np.arange(60, dtype=np.float32).reshape(4, 5, 3), "mask": np.eye(4, dtype=bool), "spp": np.array(64)}
+    cache.cached("kind", "key", lambda: good)
+    path = cache.cache_folder() / "kind" / "key.npz"
+    whole = path.read_bytes()
+    for _ in range(400):
+        path.write_bytes(damaged(whole, rng))
+        found = cache.cached("kind", "key", lambda: good)
+        assert list(found) == list(good)
+        for name, array in good.items():
+            assert found[name].dtype == array.dtype and np.array_equal(found[name], array)
 
 
 @pytest.mark.parametrize("damage", ["empty", "cut", "flipped"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import sys
 import types
 from contextlib import contextmanager
@@ -11,7 +12,7 @@ import pytest
 import study
 from typer.testing import CliRunner
 
-from benchharness import check, cli, doctor, platform, report, results, runner
+from benchharness import check, cli, cluster, doctor, platform, report, results, runner, stability
 
 
 def call(*arguments: object):
@@ -64,12 +65,23 @@ def test_a_cluster_without_its_package_is_refused(tmp_path, fake, monkeypatch):
     assert "benchharness[cluster]" in done.stderr
 
 
-def test_a_cluster_is_given_every_job_and_its_rows_come_out_in_order(tmp_path, fake, monkeypatch):
-    """A stand-in for distributed that runs a job where it is asked for, the last first."""
+def fake_cluster(monkeypatch, answers=True, workers=1, lost=()):
+    """A stand-in for distributed: a scheduler with workers that lose some jobs, by number."""
+
+    class Future:
+        def __init__(self, function, number, *arguments):
+            self.number, self.call = number, lambda: function(number, *arguments)
+
+        def result(self):
+            if self.number in lost:
+                raise RuntimeError("the scheduler is gone")
+            return self.call()
 
     class Client:
-        def __init__(self, address):
-            assert address == "tcp://head:8786"
+        def __init__(self, address, timeout):
+            assert (address, timeout) == ("tcp://head:8786", cluster.CONNECT_S)
+            if not answers:
+                raise OSError("Timed out trying to connect")
 
         def __enter__(self):
             return self
@@ -77,11 +89,49 @@ def test_a_cluster_is_given_every_job_and_its_rows_come_out_in_order(tmp_path, f
         def __exit__(self, *error):
             pass
 
-        def submit(self, function, *arguments, **options):
-            return types.SimpleNamespace(result=lambda: function(*arguments))
+        def scheduler_info(self):
+            return {"workers": {n: {} for n in range(workers)}}
 
-    fake_module = types.SimpleNamespace(Client=Client, as_completed=lambda futures: reversed(futures))
-    monkeypatch.setitem(sys.modules, "distributed", fake_module)
+        def wait_for_workers(self, count, timeout):
+            raise TimeoutError
+
+        def submit(self, function, *arguments, **options):
+            return Future(function, *arguments)
+
+    stand_in = types.SimpleNamespace(Client=Client, as_completed=lambda futures: reversed([*futures]))
+    monkeypatch.setitem(sys.modules, "distributed", stand_in)
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [({"answers": False}, "no scheduler answers"), ({"workers": 0}, "the scheduler has no workers")],
+)
+def test_a_scheduler_that_is_not_there_or_has_no_workers_is_said_and_leaves_no_folder(tmp_path, fake, monkeypatch, given, says):
+    fake_cluster(monkeypatch, **given)
+    done = call("run", study.write(tmp_path, '["a"]'), "--out", tmp_path / "out", "--cluster", "tcp://head:8786")
+    assert (done.exit_code, f"--cluster tcp://head:8786: {says}" in done.stderr) == (2, True)
+    assert "asking for a scheduler at tcp://head:8786, for 15 s at most" in done.stdout
+    assert ("waiting for one, for 60 s at most" in done.stdout) == ("workers" in given)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_job_that_a_cluster_loses_is_incomplete_and_done_by_resume(tmp_path, fake, monkeypatch):
+    fake_cluster(monkeypatch, lost=[1])
+    path = study.write(tmp_path, '["a"]')
+    path.write_text(path.read_text().replace('"place.py"', '"place.py"\nsize = [1.0, 2.0]'))
+    done = call("run", path, "--out", tmp_path / "out", "--cluster", "tcp://head:8786")
+    assert done.exit_code == 3, done.output
+    assert "place[size=2.0]: lost by the cluster: RuntimeError: the scheduler is gone; --resume does it" in done.stdout
+    assert len((tmp_path / "out" / "results.csv").read_text().splitlines()) == 1 + 3
+    done = call("run", path, "--out", tmp_path / "out", "--resume")
+    assert done.exit_code == 0, done.output
+    assert len((tmp_path / "out" / "results.csv").read_text().splitlines()) == 1 + 6
+
+
+def test_a_cluster_is_given_every_job_and_its_rows_come_out_in_order(tmp_path, fake, monkeypatch):
+    """A stand-in for distributed that runs a job where it is asked for, the last first."""
+
+    fake_cluster(monkeypatch)
     path = study.write(tmp_path, '["a"]')
     path.write_text(path.read_text().replace('"place.py"', '"place.py"\nsize = [1.0, 2.0]'))
     done = call("run", path, "--out", tmp_path / "out", "--cluster", "tcp://head:8786")
@@ -198,3 +248,78 @@ def test_what_nobody_foresaw_is_a_traceback_and_never_a_regression(monkeypatch, 
         cli.main()
     assert end.value.code == 3
     assert "ZeroDivisionError" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "says"),
+    [
+        (OSError(errno.ENAMETOOLONG, "File name too long", "n" * 300), 2, "nnn: File name too long"),
+        (FileExistsError(errno.EEXIST, "File exists", "results"), 2, "results: File exists"),
+        (OSError(errno.ENOSPC, "No space left on device", "out/a.png"), 5, "out/a.png: No space left on device"),
+        (OSError("without a number"), 2, "without a number"),
+    ],
+)
+def test_an_error_of_the_system_is_one_message_with_the_file_it_is_about(monkeypatch, tmp_path, error, code, says):
+    def fails(run):
+        raise error
+
+    monkeypatch.setattr(report, "write", fails)
+    done = call("report", tmp_path)
+    assert (done.exit_code, done.stderr.startswith("error: ")) == (code, True)
+    assert says in done.stderr and "Traceback" not in done.output
+
+
+def test_names_that_are_longer_than_the_file_systems_and_folders_that_are_files_are_wrong_input(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path, long = study.write(tmp_path, '["a"]'), 300 * "n"
+    (tmp_path / "file").touch()
+    for arguments in [
+        ("run", f"{long}.toml"),
+        ("run", path, "--out", long),
+        ("run", path, "--out", "file/below"),
+        ("run", path, "--plugin", f"{long}.py"),
+        ("check-method", f"{long}.py"),
+        ("compare", long, long),
+        ("report", long),
+        ("new-method", long),
+        ("stability", f"{long}.toml"),
+        ("stability", "--regime", "contact", "--only", "ray_traced", "--out", long),
+    ]:
+        done = call(*arguments)
+        assert (done.exit_code, "Traceback" in done.output) == (2, False), (arguments, done.output)
+    assert {p.name for p in tmp_path.iterdir()} - {"__pycache__"} == {"actor.py", "file", "place.py", "study.toml"}
+
+
+def test_baselines_that_are_a_file_are_wrong_input(tmp_path, fake):
+    assert call("run", study.write(tmp_path, '["a"]'), "--out", tmp_path / "out").exit_code == 0
+    (tmp_path / "file").touch()
+    done = call("accept", tmp_path / "out", "--because", "it is", "--baselines", tmp_path / "file")
+    assert (done.exit_code, "Traceback" in done.output) == (2, False)
+
+
+@pytest.mark.parametrize("name", ["none", "true", "class", "method", "reflection", "9", "Ärger", "a b", "", "a" * 65])
+def test_a_method_is_not_named_as_what_means_something_else(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    done = call("new-method", name)
+    assert (done.exit_code, "accepted: " in done.stderr, list(tmp_path.iterdir())) == (2, True, [])
+
+
+def test_stability_ends_with_the_code_and_hands_on_resume_and_yes(tmp_path, monkeypatch):
+    given = {}
+
+    def ran(out, config, wanted, **options):
+        given.update(options, out=out)
+        return stability.Outcome(3, 2, tmp_path / "stability.html")
+
+    monkeypatch.setattr(stability, "run", ran)
+    done = call("stability", "--out", tmp_path, "--resume", "--yes")
+    assert (done.exit_code, done.stdout) == (3, f"{tmp_path}/stability.html: 2 rows fail silently\n")
+    assert given == {"out": tmp_path, "resume": True, "yes": True}
+
+
+def test_what_takes_more_than_an_hour_is_begun_with_yes(tmp_path, fake, monkeypatch):
+    monkeypatch.setattr(runner.estimate, "TOO_LONG_S", 1.0)
+    path = study.write(tmp_path, '["a"]')
+    done = call("run", path, "--out", tmp_path / "out")
+    assert (done.exit_code, "--yes" in done.stderr, (tmp_path / "out").exists()) == (2, True, False)
+    assert call("run", path, "--out", tmp_path / "out", "--yes").exit_code == 0

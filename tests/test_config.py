@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import mitsuba as mi  # noqa: F401  (so that the variant is set)
 import pytest
 import study
 
-from benchharness import config, identity
+from benchharness import config, estimate, identity, params, plugins, subdivision
 from benchharness.stability import plan
 
 pytestmark = pytest.mark.usefixtures("plugins_here")
@@ -124,7 +125,7 @@ def test_frames_are_spread_evenly_with_the_first_and_the_last(asked, available, 
         ("frames = 3", "frames = 0", r"\[run\].frames is 0; accepted: int, at least 1"),
         ("frames = 3", "frames = 6", r"\[run\].frames, for scene place, is 6; accepted: 1 to 5"),
         ("frames = 3", "frames = [0, 5]", r"asks for frame 5; accepted: 0 to 4"),
-        ("frames = 3", "frames = [1, 1]", r"\[1, 1\]; accepted: every frame once"),
+        ("frames = 3", "frames = [1, 1]", r"asks for frame 1 more than once; accepted: every frame once"),
         ("frames = 3", "frames = []", r"\[run\].frames is \[\]"),
         ("frames = 3", "images = [3]", r"\[run\].images asks for frame 3; accepted: of \[0, 2, 4\]"),
         ("frames = 3", "min_rounds = 9\nmax_rounds = 3", r"min_rounds is 9; accepted: at most max_rounds, 3"),
@@ -155,6 +156,85 @@ def test_what_is_wrong_is_named_with_its_file_key_and_what_would_be_accepted(wri
     with pytest.raises(ValueError, match=says) as error:
         config.load(path)
     assert str(path) in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("frames = 3", "frames = 1_000_000_000", r"\[run\].frames is 1000000000; accepted: int, at least 1, at most 100000"),
+        ("frames = 3", "timeout_s = inf", r"\[run\].timeout_s is inf; accepted: a finite number"),
+        ("frames = 3", "timeout_s = 1e9", r"\[run\].timeout_s is 1000000000.0; accepted: float, more than 0, at most 86400"),
+        ("frames = 3", "max_rounds = 1_000_000_000", r"\[run\].max_rounds is 1000000000; accepted: .*at most 10000"),
+        ("frames = 3", "seed = 4294967296", r"\[run\].seed is 4294967296; accepted: .*less than 4294967296"),
+        ("frames = 3", f"seed = 1{40 * '0'}", r"\[run\].seed is a number of 133 bits; accepted: at most 64"),
+        ("frames = 3", f"seed = 1{5000 * '0'}", "not valid TOML: .*digits"),
+        ("[32, 16]", "[16384, 16384]", r"\[run\].size is \[16384, 16384\]; accepted: at most 33,554,432 pixels"),
+        ("[32, 16]", "[32, 16]\n[reference]\nspp = 100_000_000_000", r"spp is 100000000000; accepted: .*from 1 to 1048576"),
+        ("[32, 16]", "[32, 16]\n[reference]\nspp = 1e20", r"\[reference\].spp is 1e\+20; accepted: int"),
+        ("[32, 16]", "[32, 16]\n[reference]\nmax_depth = 5_000", r"max_depth is 5000; accepted: .*from 1 to 1024"),
+        ('"place.py"', '"place.py"\nframes = 1_000_000_000', r"the scene has 1,000,000,000 frames; accepted: at most 100,000"),
+        ('"place.py"', '"place.py"\nsize = nan', r"\[scenes\].place.size is nan; accepted: a finite number"),
+        ('"place.py"', f'"place.py"\nframes = [{", ".join(map(str, range(1, 300)))}]', "299 config.* of scenes; .*at most 256"),
+        (
+            "[1, 2]",
+            f"[{', '.join(map(str, range(30_000)))}]",
+            r"\[methods.actor\].size has 30,000 values; accepted: at most 4,096",
+        ),
+        ("[1, 2]", f"{3000 * '['}{3000 * ']'}", "lie too deep within each other; accepted: at most 16"),
+        ("[1, 2]", f"{100 * '['}{100 * ']'}", "lie too deep within each other; accepted: at most 16"),
+        ("[1, 2]", f"1\n{'a.' * 3000}a = 1", "lie too deep within each other; accepted: at most 16"),
+        (
+            '[1, 2]\nbehaviour = ["a", "b"]',
+            f"{[*range(1000)]}\nbehaviour = {[str(n) for n in range(1000)]}",
+            r"\[methods.actor\] sweeps over 1,000,000 combinations; accepted: at most 4,096",
+        ),
+    ],
+)
+def test_what_has_no_bound_of_its_own_is_given_one(write, old, new, says):
+    assert old in GOOD
+    began = time.monotonic()
+    with pytest.raises(ValueError, match=says) as error:
+        config.load(write(GOOD.replace(old, new, 1)))
+    assert len(str(error.value)) < 1000
+    assert time.monotonic() - began < 10
+
+
+def test_edges_are_not_split_until_memory_is_full(write, tmp_path, monkeypatch):
+    monkeypatch.setattr(subdivision, "MOST_FACES", 1000)
+    (tmp_path / "sheet.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    table = """[scenes.mine]
+h_max = 1e-6
+background = [1.0, 1.0, 1.0]
+objects = [{name = "sheet", mesh = "sheet.obj", shows = "an edge"}]
+reflectors = [{name = "mirror", mesh = "sheet.obj", translate = [0, 0, 1]}]
+camera = {path = [[0, -4, 1]], target = [0, 0, 0], fov_deg = 40}
+
+"""
+    with pytest.raises(ValueError, match=r"\[scenes.mine\].objects: h_max is 1e-06: over 1,000 triangles; accepted: a greater"):
+        config.load(write(table + GOOD[GOOD.index("[methods") :]))
+
+
+def test_numbers_of_the_methods_have_upper_bounds():
+    """Whatever a method hands on to a kernel fits into 32 bits, and is finite."""
+    for name, plugin in plugins.discover("method").items():
+        for parameter in params.of_method(plugin.target).values():
+            for number in (5_000_000_000, 1e39):
+                if {"int": int, "float": float}.get(parameter.accepted().partition(",")[0]) is type(number):
+                    with pytest.raises(ValueError, match="at most"):
+                        parameter.value(number, f"{name}.{parameter.name}")
+
+
+def test_a_sweep_of_many_values_is_read_in_seconds(write):
+    began = time.monotonic()
+    loaded = config.load(write(GOOD.replace("[1, 2]", f"{[*range(500)]}")))
+    assert (len(loaded.entries), time.monotonic() - began < 10) == (1000, True)
+
+
+def test_scenes_that_take_long_to_build_are_told_of(write, monkeypatch):
+    monkeypatch.setattr(config, "SAID_EVERY_S", 0.0)
+    told = []
+    config.load(write(GOOD.replace('"place.py"', '"place.py"\nsize = [1.0, 2.0]')), tell=told.append)
+    assert told == ["scene place[size=1.0]: building 1 of 2", "scene place[size=2.0]: building 2 of 2"]
 
 
 def test_no_scene_no_method_and_no_file_are_refused(write, tmp_path):
@@ -240,7 +320,9 @@ def test_a_config_that_comes_with_it_is_valid_and_says_what_it_is_about(path):
     if path.stem == "stability":
         assert plan.load(path).studies
     else:
-        assert config.load(path).jobs
+        loaded = config.load(path)
+        _, seconds = estimate.of_run(loaded, [len(job.frames) for job in loaded.jobs])
+        assert loaded.jobs and 30 < seconds < estimate.TOO_LONG_S
     assert path.read_text().startswith("# ")
 
 

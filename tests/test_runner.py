@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import json
 import os
+import random
 import signal
 import subprocess
 import sys
 import time
+from collections import Counter
 from pathlib import Path
 
 import mitsuba as mi  # noqa: F401  (so that the variant is set)
 import pytest
 import study
+from test_folder import damaged
 
-from benchharness import config, results, runner
+from benchharness import config, results, runner, supervisor
 
 
 class Ear:
@@ -187,6 +190,7 @@ def test_a_killed_run_takes_its_worker_along_and_resumes_to_the_rows_of_an_undis
     (out / "run.json").write_text(json.dumps({**plan, "methods": mended.method_hashes}))
     lines = [json.loads(line) for line in journal.read_bytes().splitlines()[:-1]]
     for line in lines:
+        del line["sum"]
         for row in line["records"]:
             row["method_hash"] = mended.method_hashes[f"actor {row['params']}"]
     journal.write_text("".join(json.dumps(line) + "\n" for line in lines) + '{"job": 0, "frame": 4, "rec')
@@ -250,3 +254,151 @@ def test_what_was_not_measured_is_empty(tmp_path):
     for row in rows:
         if row["status"] != "ok":
             assert {name: row[name] for name in columns if row[name] is not None} == {}, row["status"]
+
+
+def test_a_folder_is_not_filled_by_two_at_once(tmp_path):
+    """Somebody else takes the run up while it is under way."""
+    path = study.write(tmp_path, '["a"]')
+    tried = []
+
+    class Meddler(Ear):
+        def frame(self, frame, records):
+            with pytest.raises(ValueError, match="is being filled by another process"):
+                runner.run(config.load(path), tmp_path / "out", Ear(), resume=True, bench="study:Bench")
+            tried.append(frame)
+
+    runner.run(config.load(path), tmp_path / "out", Meddler(), bench="study:Bench")
+    assert tried == [0, 2, 4]
+    assert len(results.read_results(tmp_path / "out")) == 3
+
+
+def test_pictures_that_are_gone_or_changed_are_made_again_with_their_frame_and_no_other(tmp_path):
+    path, out = study.write(tmp_path, '["a", "aborts 4"]'), tmp_path / "out"
+    _, rows, _ = run(path, out)
+    (out / "images" / "0.png").unlink()
+    (out / "images" / "2.png").write_text("half of a picture")
+    (out / "images" / "stranger.png").touch()
+    code, again, ear = run(path, out, resume=True)
+    assert (code, told(again)) == (3, told(rows))
+    assert ear.frames == [1, 0, 1, 2, 0]
+    assert [note for note in ear.notes if "0.png" in note] == [
+        "place, frame 0: done again, since pictures are gone or changed: 0.png"
+    ]
+    assert sorted(p.name for p in (out / "images").iterdir()) == ["0.png", "2.png", "4.png", "stranger.png"]
+    _, same, ear = run(path, out, resume=True)
+    assert (told(same), ear.frames) == (told(rows), [0])
+
+
+def test_a_run_in_which_every_picture_is_nan_is_incomplete(tmp_path):
+    code, rows, _ = run(study.write(tmp_path, '["a"]'), tmp_path / "out", "study:Nothing")
+    assert (code, {row["status"] for row in rows}) == (3, {"invalid"})
+
+
+@pytest.mark.parametrize(
+    ("statuses", "asked", "code"),
+    [
+        (["ok", "ok"], 2, 0),
+        (["ok", "refused"], 2, 0),
+        (["refused"], 1, 3),
+        (["ok", "invalid"], 2, 3),
+        (["ok", "crashed"], 2, 3),
+        (["ok", "timeout"], 2, 3),
+        (["ok"], 2, 3),
+        ([], 0, 3),
+    ],
+)
+def test_zero_says_that_every_row_is_there_and_has_an_answer_or_a_refusal(statuses, asked, code):
+    assert runner.exit_code(statuses, asked) == code
+
+
+def test_what_takes_too_long_is_not_begun_unasked_and_leaves_no_folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(runner.estimate, "TOO_LONG_S", 1.0)
+    path = study.write(tmp_path, '["a", "refuses"]')
+    with pytest.raises(ValueError, match=r"6 rows \(1 scenes, 3 frames, 2 methods.*\) take about .* s; accepted: .*--yes"):
+        run(path, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    code, _, ear = run(path, tmp_path / "out", yes=True)
+    assert (code, ear.notes[0].startswith("6 rows (1 scenes, 3 frames, 2 methods with parameters): about ")) == (0, True)
+    _, _, ear = run(path, tmp_path / "out", resume=True)
+    assert ear.notes[0].startswith("0 rows")
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        {},
+        {"job": 0},
+        {"job": 1, "frame": 0, "records": [], "samples": []},
+        {"job": -1, "out": "actor behaviour=a; size=1", "status": "crashed", "reason": "x"},
+        {"job": "0", "out": "actor behaviour=a; size=1", "status": "crashed", "reason": "x"},
+        {"job": 0, "out": "nobody", "status": "crashed", "reason": "x"},
+        {"job": 0, "out": "actor behaviour=a; size=1", "status": "fine", "reason": "x"},
+        {"job": 0, "frame": 1, "records": [], "samples": []},
+        {"job": 0, "frame": 0, "records": [], "samples": []},
+        {"job": 0, "frame": 0, "records": None, "samples": []},
+        {"job": 0, "frame": 0, "records": [{"method": "actor", "params": "behaviour=a; size=1", "status": 3}], "samples": []},
+        [],
+    ],
+)
+def test_a_line_that_no_run_of_this_config_writes_is_damage(tmp_path, line):
+    path, out = study.write(tmp_path, '["a"]'), tmp_path / "out"
+    loaded = config.load(path)
+    environment = results.environment_hash(results.environment(loaded.run.variant))
+    with runner.folder.opened("study", out, runner._plan(loaded, environment), False):
+        pass
+    (out / "journal.jsonl").write_text(json.dumps(line) + "\n")
+    with pytest.raises(ValueError, match=r"journal.jsonl: line 1 is damaged \(.*\); accepted: a new run"):
+        runner.run(loaded, out, Ear(), resume=True, bench="study:Bench")
+
+
+@pytest.mark.slow
+def test_a_damaged_journal_is_refused_or_ends_in_the_rows_of_an_undisturbed_run(tmp_path):
+    """12 journals, from one seed."""
+    path, out, rng = study.write(tmp_path, '["a", "raises 2"]'), tmp_path / "out", random.Random(11)
+    _, rows, _ = run(path, out)
+    whole, ends = (out / "journal.jsonl").read_bytes(), Counter()
+    for _ in range(12):
+        (out / "journal.jsonl").write_bytes(damaged(whole, rng))
+        try:
+            code, again, _ = run(path, out, resume=True)
+        except ValueError as error:
+            assert "is damaged" in str(error)
+            ends["refused"] += 1
+        else:
+            assert (code, told(again)) == (3, told(rows))
+            ends["same"] += 1
+    assert min(ends["refused"], ends["same"]) > 2
+
+
+SAYS = """
+import json, sys, time
+def say(**event): print(json.dumps(event), flush=True)
+say(event="ready"); say(event="start", frame=0); say(event="waits", text="another run is timing")
+time.sleep(2.5)
+say(event="start", frame=0)
+time.sleep(60 * ("hangs" in sys.argv))
+say(event="frame", frame=0, records=[], samples=[], pictures={})
+say(event="done")
+"""
+
+
+@pytest.mark.parametrize(
+    ("word", "failed", "events"), [("goes on", None, ["waits", "frame"]), ("hangs", "frame 0 took more than 2 s", ["waits"])]
+)
+def test_waiting_for_the_machine_is_not_a_frames_time(word, failed, events):
+    with subprocess.Popen([sys.executable, "-c", SAYS, word], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        said = supervisor._events(process, 2.0, set(), {0}, supervisor._Ending())
+        heard = []
+        while True:
+            try:
+                heard.append(next(said)["event"])
+            except StopIteration as end:
+                assert (heard, end.value) == (events, failed)
+                process.kill()
+                break
+
+
+def test_the_machine_is_held_while_a_frame_is_timed_and_not_while_its_reference_is_made(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    run(study.write(tmp_path, '["a"]'), tmp_path / "out", "study:Watchful")
+    assert (tmp_path / "out" / "held").read_text().splitlines() == ["begins free", *3 * ["prepares free", "times held"]]

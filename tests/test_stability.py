@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import csv
+import os
 import re
+import signal
+import subprocess
+import threading
+import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchharness import results, stability
+from benchharness import folder, results, stability
 from benchharness.regime import miss
 from benchharness.stability import atlas, children, plan
 from scenes import stress
@@ -89,7 +95,10 @@ def test_every_entry_of_the_catalogue_is_shown_by_regimes_or_tested_elsewhere_or
 
 def test_a_run_has_a_row_for_every_severity_and_method_and_a_page(tmp_path):
     wanted = stability.Wanted(only=["environment_map", "ray_traced"], regimes=["contact"], severity=0.0)
-    silent, page = stability.run(tmp_path / "run", wanted=wanted, tell=lambda line: None)
+    told = []
+    outcome = stability.run(tmp_path / "run", wanted=wanted, tell=told.append)
+    page = outcome.page
+    assert told[0].startswith("2 rows (2 of atlas): about ") and told[1:] == ["atlas: contact: 1 holds, 1 degrades"]
     with open(tmp_path / "run" / "stability.csv", newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert list(rows[0]) == atlas.COLUMNS
@@ -98,7 +107,7 @@ def test_a_run_has_a_row_for_every_severity_and_method_and_a_page(tmp_path):
     assert found["ray_traced"]["verdict"] == "holds" and float(found["ray_traced"]["symptom"]) < 0.05
     assert found["environment_map"]["verdict"] == "degrades" and float(found["environment_map"]["symptom"]) > 0.9
     assert float(found["environment_map"]["trusted"]) < 0.2 and 0 < float(found["environment_map"]["doubted"]) < 0.2
-    assert silent == 0
+    assert (outcome.code, outcome.silent) == (0, 0)
     assert found["environment_map"]["command"] == "benchharness stability --regime contact --severity 0 --only environment_map"
     assert all(row["nonfinite_px"] == "0" for row in rows)
     text = page.read_text()
@@ -127,6 +136,10 @@ def test_bad_input_is_refused_with_what_would_be_accepted(tmp_path):
         ('[atlas]\nregimes = ["contct"]', "did you mean 'contact'"),
         ("[methods.newton]\nmulti = 0", "multi is 0"),
         ('[motion]\nkinds = ["stedy"]', "kinds is"),
+        ("[motion]\nframes = 1_000_000_000", r"\[motion\].frames is 1000000000; accepted: .*at most 100000"),
+        ("[motion]\nsize = [100_000, 8]", r"\[motion\].size is"),
+        ("[methods.secant_triangle]\ntau = inf", r"\[methods\].secant_triangle.tau is inf; accepted: a finite number"),
+        ("[methods.environment_map]\nresolution = 100", "resolution is 100; accepted: a power of two"),
     ],
 )
 def test_a_wrong_plan_is_refused_before_any_work(plugins_here, tmp_path, text, message):
@@ -147,6 +160,7 @@ def test_a_plan_adds_settings_to_what_is_installed(plugins_here, tmp_path):
 BROKEN = """
 import os, time
 from dataclasses import dataclass
+from pathlib import Path
 from benchharness.api import Method
 
 @dataclass(frozen=True)
@@ -169,12 +183,74 @@ def test_what_ends_or_hangs_a_process_costs_its_own_rows_only(plugins_here, tmp_
     (tmp_path / "broken.py").write_text(BROKEN.format(what=what))
     entries = plan.load(None, [str(tmp_path / "broken.py")], ["broken", "ray_traced"]).entries
     groups = atlas.units([*entries[::-1]], ["contact"], 1.0)
-    ((study, name, done),) = children.run([children.Work("atlas", groups)], tmp_path, timeout_s=timeout_s)
-    records = {unit["entry"]["method"]: record for unit, record in done}
-    assert (
-        (study, name) == ("atlas", "contact")
-        and records["broken"]["status"] == status
-        and reason in records["broken"]["reason"]
-    )
+    done = list(children.run([children.Work("atlas", groups)], tmp_path, timeout_s=timeout_s))
+    assert [each.place for each in done] == [("atlas", "contact", 0), ("atlas", "contact", 1)]
+    records = {each.unit["entry"]["method"]: each.record for each in done}
+    assert records["broken"]["status"] == status and reason in records["broken"]["reason"]
     assert records["ray_traced"]["status"] == "ok"
-    assert atlas.row(*done[0])["verdict"] == "fails"
+    assert atlas.row(done[0].unit, done[0].record)["verdict"] == "fails"
+
+
+def table(folder):
+    with open(folder / "stability.csv", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_a_crash_is_exit_code_three_and_a_used_folder_is_taken_up_or_refused(tmp_path):
+    (tmp_path / "broken.py").write_text(BROKEN.format(what="raise RuntimeError('no such root')"))
+    wanted = stability.Wanted([str(tmp_path / "broken.py")], ["broken", "ray_traced"], regimes=["contact"], severity=1.0)
+    out, told = tmp_path / "run", []
+    assert stability.run(out, wanted=wanted, tell=told.append).code == 3
+    rows = table(out)
+    assert {row["method"]: row["status"] for row in rows} == {"ray_traced": "ok", "broken": "crashed"}
+    with pytest.raises(ValueError, match="holds a run; accepted: an empty folder, or --resume"):
+        stability.run(out, wanted=wanted, tell=told.append)
+    with pytest.raises(folder.Incomparable, match=r"methods: .*is new or is gone"):
+        stability.run(out, wanted=replace(wanted, only=["ray_traced"]), tell=told.append, resume=True)
+
+    # Nothing is left; then a picture is.
+    journal = folder.Journal(out / "journal.jsonl")
+    assert stability.run(out, wanted=wanted, tell=told.append, resume=True).code == 3
+    assert (len(journal.lines()), table(out)) == (2, rows)
+    picture = out / "images" / results.picture_name("contact", 1.0, "ray_traced")
+    seen = picture.read_bytes()
+    picture.write_bytes(seen[:100])
+    assert stability.run(out, wanted=wanted, tell=told.append, resume=True).code == 3
+    assert (len(journal.lines()), table(out), picture.read_bytes()) == (3, rows, seen)
+    assert f"atlas: contact: a row is made again, since pictures are gone or changed: {picture.name}" in told
+    journal.append({"study": "atlas", "group": "contact", "unit": 2, "record": {"status": "ok"}, "pictures": {}})
+    with pytest.raises(ValueError, match="line 4 is damaged"):
+        stability.run(out, wanted=wanted, tell=told.append, resume=True)
+
+
+@pytest.fixture
+def interruptible():
+    """A process that was started in the background may ignore SIGINT."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_an_interrupted_suite_keeps_its_rows_ends_at_once_and_is_taken_up(tmp_path, interruptible):
+    flag, out = tmp_path / "flag", tmp_path / "run"
+    (tmp_path / "broken.py").write_text(BROKEN.format(what=f"if not Path({str(flag)!r}).exists(): time.sleep(600)"))
+    wanted = stability.Wanted([str(tmp_path / "broken.py")], ["broken", "ray_traced"], regimes=["contact"], severity=1.0)
+    journal = out / "journal.jsonl"
+
+    def interrupt():
+        while not (journal.exists() and journal.read_bytes().endswith(b"\n")):
+            time.sleep(0.05)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=interrupt, daemon=True).start()
+    with pytest.raises(KeyboardInterrupt):
+        stability.run(out, wanted=wanted, tell=lambda line: None)
+    first = journal.read_bytes()
+    assert len(first.splitlines()) == 1
+    # The method sleeps on in no process, and nothing of it is left.
+    assert not subprocess.run(["pgrep", "-P", str(os.getpid())], capture_output=True).stdout
+    assert [path.suffix for path in (out / "images").iterdir()] == [".png"]
+    flag.touch()
+    outcome = stability.run(out, wanted=wanted, tell=lambda line: None, resume=True)
+    assert journal.read_bytes().startswith(first)
+    assert (outcome.code, [row["method"] for row in table(out)]) == (3, ["ray_traced", "broken"])

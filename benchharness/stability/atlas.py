@@ -26,6 +26,7 @@ from benchharness.stability import plan
 STRESS = "scenes.stress"
 FILE = "stability.csv"
 APIECE = 4  # groups that share a process
+UNIT_S = 0.25  # about, on two cores
 COLUMNS = (
     "regime title entry severity severity_name method setting params verdict why limit symptom symptom_name bound "
     "trusted doubted flip flip_p95 coverage converged_ratio wrong_ratio nonfinite_px iterations_max residual_px_max "

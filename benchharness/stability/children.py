@@ -19,18 +19,19 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
-from benchharness import platform, processes
+from benchharness import folder, platform, processes
 
 VARIANT = "llvm_ad_rgb"
 TIMEOUT_S = 600.0  # that a unit may take, its share of what comes before the first included
 
-Done = tuple[dict[str, Any], dict[str, Any]]
+Place = tuple[str, str, int]
+"""Of a unit in a run: study, group, number in the group."""
 
 
 @dataclass(frozen=True)
@@ -42,47 +43,103 @@ class Work:
     apiece: int = 1
 
 
+@dataclass(frozen=True)
+class Done:
+    """What came of a unit; `pictures`: their checksums by name."""
+
+    place: Place
+    unit: dict[str, Any]
+    record: dict[str, Any]
+    pictures: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass
+class _Brood:
+    """The processes that run, so that whoever stops listening can end them, and have no further ones started."""
+
+    lock: threading.Lock = field(default_factory=threading.Lock)
+    alive: set[subprocess.Popen] = field(default_factory=set)
+    ended: bool = False
+
+    def add(self, child: subprocess.Popen) -> None:
+        with self.lock:
+            self.alive.add(child)
+            if self.ended:
+                child.kill()
+
+    def remove(self, child: subprocess.Popen) -> None:
+        with self.lock:
+            self.alive.discard(child)
+
+    def end(self) -> None:
+        with self.lock:
+            self.ended = True
+            for child in self.alive:
+                child.kill()
+
+
 def run(
-    works: Sequence[Work], folder: Path, workers: int | None = None, timeout_s: float = TIMEOUT_S
-) -> Iterator[tuple[str, str, list[Done]]]:
-    """(study, name of the group, [(unit, record)]), in order, as groups are done; `workers` processes at a time, as many as
-    there are cores if None.
+    works: Sequence[Work],
+    images: Path,
+    workers: int | None = None,
+    timeout_s: float = TIMEOUT_S,
+    done: Collection[Place] = (),
+) -> Iterator[Done]:
+    """What comes of all units but those that are done, as it comes; `workers` processes at a time, as many as there are cores
+    if None. Whoever stops listening ends them.
 
     A record that a unit could not give is {"status": "crashed" or "timeout", "reason": ...}.
     """
     cores = os.cpu_count() or 1
     workers = workers or cores
     threads = max(1, cores // workers)  # more of them only wait for each other: a quarter longer
+    heard: queue.SimpleQueue[Done | Future] = queue.SimpleQueue()
+    brood = _Brood()
     with ThreadPoolExecutor(workers) as pool:
-        jobs = []
-        for work in works:
-            names = list(work.groups)
-            for lot in (names[i : i + work.apiece] for i in range(0, len(names), work.apiece)):
-                units = [unit for name in lot for unit in work.groups[name]]
-                jobs.append((work, lot, pool.submit(_lot, work.study, units, folder, threads, timeout_s)))
+        lots = [lot for work in works for lot in _lots(work, done)]
+        for lot in lots:
+            pool.submit(_lot, lot, images, threads, timeout_s, heard.put, brood).add_done_callback(heard.put)
         try:
-            for work, lot, job in jobs:
-                done = iter(job.result())
-                for name in lot:
-                    yield work.study, name, [next(done) for _ in work.groups[name]]
+            left = len(lots)
+            while left:
+                said = heard.get()
+                if isinstance(said, Done):
+                    yield said
+                else:
+                    said.result()  # raises what went wrong there
+                    left -= 1
         finally:
-            pool.shutdown(cancel_futures=True)  # whoever stops listening waits for what is running only
+            brood.end()
+            pool.shutdown(cancel_futures=True)
 
 
-def _lot(study: str, units: list[dict[str, Any]], folder: Path, threads: int, timeout_s: float) -> list[Done]:
-    done: list[Done] = []
-    while len(done) < len(units):
-        left = units[len(done) :]
-        records, lost = _child(study, left, folder, threads, timeout_s)
-        done += zip(left, records, strict=False)
-        if lost is not None and len(done) < len(units):
-            done.append((units[len(done)], lost))
-    return done
+def _lots(work: Work, done: Collection[Place]) -> Iterator[list[tuple[Place, dict]]]:
+    """What is left to do, by process."""
+    names = list(work.groups)
+    for some in (names[i : i + work.apiece] for i in range(0, len(names), work.apiece)):
+        lot = [((work.study, name, number), unit) for name in some for number, unit in enumerate(work.groups[name])]
+        lot = [(place, unit) for place, unit in lot if place not in done]
+        if lot:
+            yield lot
 
 
-def _child(study: str, units: list[dict], folder: Path, threads: int, timeout_s: float) -> tuple[list[dict], dict | None]:
-    """The records of the first units, and what to say of the next one where the child did not do all."""
-    job = {"study": study, "units": units, "folder": str(folder), "threads": threads, "parent": os.getpid()}
+def _lot(
+    lot: list[tuple[Place, dict]], images: Path, threads: int, timeout_s: float, tell: Callable[[Done], None], brood: _Brood
+) -> None:
+    left = list(lot)
+    while left and not brood.ended:
+        lost = _child(left, images, threads, timeout_s, tell, brood)
+        if lost is not None and left and not brood.ended:
+            tell(Done(*left.pop(0), lost))
+
+
+def _child(
+    left: list[tuple[Place, dict]], images: Path, threads: int, timeout_s: float, tell: Callable[[Done], None], brood: _Brood
+) -> dict | None:
+    """Takes the units that one process did from those that are left. Returns what to say of the next one, None if none is."""
+    study = left[0][0][0]
+    units = [unit for _, unit in left]
+    job = {"study": study, "units": units, "images": str(images), "threads": threads, "parent": os.getpid()}
     with tempfile.TemporaryDirectory() as own:
         file, log = Path(own) / "job.json", Path(own) / "log"
         file.write_text(json.dumps(job), encoding="utf-8")
@@ -93,42 +150,38 @@ def _child(study: str, units: list[dict], folder: Path, threads: int, timeout_s:
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=stream, start_new_session=True,
             )  # fmt: skip
         assert child.stdin and child.stdout
+        brood.add(child)
         try:
-            records, ended = _records(child.stdout, timeout_s)
-            if len(records) == len(units):
-                return records, None
-            if not ended:
-                return records, {"status": "timeout", "reason": f"no answer for {timeout_s:g} s"}
-            reason = f"the process ended with {processes.cause(child.wait())}: {log.read_text(errors='replace').strip()[-200:]}"
-            return records, {"status": "crashed", "reason": reason}
+            said = _heard(child, timeout_s, left, tell)
+            if said is not None or not left:
+                return said
+            quoted = log.read_text(errors="replace").strip()[-200:]
+            return {"status": "crashed", "reason": f"the process ended with {processes.cause(child.wait())}: {quoted}"}
         finally:
+            brood.remove(child)
             child.kill()
             child.wait()
             child.stdin.close()
-            child.stdout.close()
 
 
-def _records(stream: IO[bytes], timeout_s: float) -> tuple[list[dict], bool]:
-    """The lines of a child, and whether it ended; False where it said nothing for too long."""
-    lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-
-    def read() -> None:
-        for line in stream:
-            lines.put(line)
-        lines.put(b"")
-
-    reader = threading.Thread(target=read, daemon=True)
-    reader.start()
-    records = []
-    while True:
+def _heard(
+    child: subprocess.Popen, timeout_s: float, left: list[tuple[Place, dict]], tell: Callable[[Done], None]
+) -> dict | None:
+    """Tells what a child did until it ends, and takes it from what is left. Returns what to say of the next unit where the
+    child says nothing for too long, or what nobody understands."""
+    assert child.stdout is not None
+    lines = processes.Lines(child.stdout)
+    while left:
         try:
-            line = lines.get(timeout=timeout_s)
-        except queue.Empty:
-            return records, False
-        if not line.endswith(b"\n"):  # the end, or half a line of a child that was killed
-            reader.join()
-            return records, True
-        records.append(processes.clean(json.loads(line)))
+            said = lines.next(timeout_s)
+        except TimeoutError:
+            return {"status": "timeout", "reason": f"no answer for {timeout_s:g} s"}
+        except ValueError as error:
+            return {"status": "crashed", "reason": str(error)}
+        if said is None:
+            return None
+        tell(Done(*left.pop(0), said["record"], said["pictures"]))
+    return None
 
 
 def _work(file: str) -> None:
@@ -140,8 +193,9 @@ def _work(file: str) -> None:
 
     dr.set_thread_count(job["threads"])
     study = importlib.import_module(f"benchharness.stability.{job['study']}")
-    for record in study.work(job["units"], Path(job["folder"])):
-        say(record)
+    with folder.pictures(Path(job["images"])) as pictures:
+        for record in study.work(job["units"], pictures.folder):
+            say({"record": record, "pictures": pictures.keep()})
 
 
 if __name__ == "__main__":

@@ -44,6 +44,7 @@ from benchharness.stability import plan
 
 FILE, FRAMES_FILE = "motion.csv", "motion-frames.csv"
 APIECE = 1  # groups that share a process
+UNIT_S = 1.5  # about, on two cores
 COLUMNS = (
     "scene kind method setting params status reason first jump frames substeps width height reflector_px "
     "flip temporal_diff temporal_diff_max pops pops_max coverage "

@@ -31,6 +31,7 @@ from benchharness.stability import altered, atlas, plan
 
 FILE = "perturbation.csv"
 APIECE = 2  # groups that share a process
+UNIT_S = 0.5  # about, on two cores
 COLUMNS = (
     "scene severity kind size method setting params verdict why change reference_change amplification changed_px coverage "
     "converged_ratio reflector_px status reason command"

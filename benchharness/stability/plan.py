@@ -24,7 +24,8 @@ from benchharness.config import Entry
 STUDIES = ("atlas", "motion", "perturbation")
 SECTIONS = (*STUDIES, "methods")
 
-Count = Annotated[int, Field(ge=1)]
+Pixels = Annotated[int, Field(ge=1, le=4096)]
+Frames = Annotated[int, Field(ge=3, le=config.MOST_FRAMES)]
 
 
 @dataclass(frozen=True)
@@ -50,11 +51,11 @@ class Motion:
 
     scenes: tuple[str, ...] = ()
     kinds: tuple[Literal["steady", "cut", "teleport"], ...] = ("steady", "cut", "teleport")
-    frames: Annotated[int, Field(ge=3)] = 12
-    substeps: Count = 4
-    start: Annotated[int, Field(ge=0)] | None = None
-    size: tuple[Count, Count] = (320, 228)
-    followed: Annotated[int, Field(ge=3)] = 8
+    frames: Frames = 12
+    substeps: Annotated[int, Field(ge=1, le=1000)] = 4
+    start: config.Index | None = None
+    size: tuple[Pixels, Pixels] = (320, 228)
+    followed: Frames = 8
     places: Literal[1, 3, 5, 7, 9] = 3
 
 
