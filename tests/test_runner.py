@@ -82,7 +82,7 @@ def test_a_run_has_a_row_per_frame_and_entry_in_the_order_of_the_config(tmp_path
 
 def test_whatever_one_method_does_the_others_complete_and_every_row_says_why(tmp_path):
     behaviours = '["first", "aborts 2", "raises 2", "leaves 4", "refuses", "chokes", "sleeps 4", "last"]'
-    path = study.write(tmp_path, behaviours, run="timeout_s = 8.0")
+    path = study.write(tmp_path, behaviours, run="timeout_s = 15.0")
     code, rows, ear = run(path, tmp_path / "out")
     assert code == 3
     status = {}
