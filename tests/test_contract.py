@@ -34,7 +34,6 @@ WRITES = {
     "in place": lambda f: f.n.__iadd__(1),
     "component": lambda f: f.n.x.__iadd__(1),
     "item": lambda f: f.n.x.__setitem__(0, 7.0),
-    "items": lambda f: f.p.y.__setitem__(dr.arange(mi.UInt32, 5), 7.0),
     "scatter": lambda f: dr.scatter(f.radiance.x, mi.Float(7), mi.UInt32(3)),
     "scatter_add": lambda f: dr.scatter_add(f.poses, mi.Float(7), mi.UInt32(3)),
     "flags": lambda f: dr.scatter(f.active, ~f.active, dr.arange(mi.UInt32, PIXELS)),
