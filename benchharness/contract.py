@@ -96,8 +96,10 @@ def _short(text: str) -> str:
 
 
 def answer(shaded: Any, frame: Frame, scene: Scene) -> tuple[Reflection, Any]:
-    """What `shade` returned for `frame`, as it is. Raises TypeError or ValueError, with what would be accepted, for anything
-    but a `Reflection` of the right types and lanes, and the next state."""
+    """What `shade` returned for `frame`, the `Reflection` as a copy, which does not change when the method's own does.
+
+    Raises TypeError or ValueError, with what would be accepted, for anything but one of the right types and lanes, and the
+    next state."""
     if not isinstance(shaded, tuple) or len(shaded) != 2 or not isinstance(shaded[0], Reflection):
         raise TypeError(f"shade returns {_kind(shaded)}; accepted: a Reflection and the next state")
     reflection = shaded[0]
@@ -113,7 +115,7 @@ def answer(shaded: Any, frame: Frame, scene: Scene) -> tuple[Reflection, Any]:
     if reflection.vertices is not None:
         _check_vertices(reflection.vertices, "vertices", len(scene.reflectors) * scene.vertices)
     _check_counters(reflection.counters)
-    return shaded
+    return dr.copy(reflection), shaded[1]
 
 
 def _check_vertices(vertices: Any, where: str, lanes: int) -> None:
