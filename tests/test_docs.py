@@ -1,0 +1,63 @@
+"""What the documentation says about files, entries and code is so."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from benchharness import platform
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def anchors(page: Path) -> set[str]:
+    """The anchors that GitHub gives to the headings of a page."""
+    titles = re.findall(r"^#+ (.*)$", page.read_text(), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page):
+    for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text()):
+        if "://" in link:
+            continue
+        name, _, anchor = link.partition("#")
+        target = (page.parent / name).resolve() if name else page
+        assert target.is_file(), f"{page.name}: {link}"
+        assert not anchor or anchor in anchors(target), f"{page.name}: {link}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_files_that_are_named_exist(page):
+    named = set(re.findall(r"`((?:benchharness|methods|scenes|configs|tests|results|docs)/[\w./-]*)`", page.read_text()))
+    missing = sorted(name for name in named if not (ROOT / name).exists() and "NAME" not in name and "/runs/" not in name)
+    assert not missing
+
+
+def test_entries_that_regimes_cite_are_in_the_catalogue():
+    said = set(re.findall(r"\b[TFIPM]-?\d+\b", (ROOT / "docs" / "failures.md").read_text()))
+    cited = {
+        entry
+        for path in (ROOT / "scenes" / "stress").glob("*.py")
+        for entry in re.findall(r"\b[FIPM]-\d\d\b", path.read_text())
+    }
+    assert len(cited) > 40
+    assert sorted(cited - said) == []
+
+
+def test_the_readme_is_read_in_five_minutes():
+    assert len((ROOT / "README.md").read_text().splitlines()) <= 150
+
+
+def test_the_method_that_is_shown_is_one():
+    platform.use_variant("llvm_ad_rgb")
+    from benchharness.api import Method
+
+    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "extending.md").read_text(), re.DOTALL)
+    shown: dict = {}
+    exec(compile(code, "extending.md", "exec"), shown)
+    dome = shown["Dome"]()
+    assert isinstance(dome, Method) and dome.brightness == 1.0
