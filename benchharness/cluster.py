@@ -57,8 +57,8 @@ def execute_on(client: Any, setting: supervisor.Setting, tasks: Sequence[tuple[i
         try:
             lines = future.result()
         except Exception as error:  # whatever ended the job there, and the loss of the scheduler
-            scene = job.facts["scene"]
-            yield {"job": number, "note": f"{scene}: lost by the cluster: {type(error).__name__}: {error}; --resume does it"}
+            reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            yield {"job": number, "note": f"{job.facts['scene']}: lost by the cluster: {reason}; --resume does it"}
         else:
             yield from lines
 
