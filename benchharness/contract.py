@@ -41,7 +41,7 @@ def fingerprint(frame: Frame) -> dict[str, int]:
 def _leaves(value: Any) -> Iterator[mi.UInt32 | int]:
     """Of each array in a tree of them its width, and the sum of its bits with weights that differ by place; else a hash."""
     if dr.is_array_v(value) and dr.depth_v(value) == 1:
-        bits = dr.select(value, mi.UInt32(1), 0) if dr.is_mask_v(value) else dr.reinterpret_array(mi.UInt32, value)
+        bits = mi.UInt32(value if dr.is_mask_v(value) else dr.reinterpret_array(mi.UInt32, value))
         lanes = dr.width(bits)
         yield lanes
         if lanes > 0:
@@ -132,7 +132,7 @@ def _check_vertices(vertices: Any, where: str, lanes: int) -> None:
         if dr.width(value) != lanes:
             raise ValueError(f"{where}.{name} has {dr.width(value)} lanes; accepted: {lanes}, one per reflector and vertex")
     lost = vertices.converged & ~(dr.all(dr.isfinite(vertices.R)) & dr.all(dr.isfinite(vertices.virtual)))
-    if (count := int(dr.count(lost)[0])) > 0:
+    if (count := np.count_nonzero(np.array(lost))) > 0:
         raise ValueError(f"{where}: {count} that converged have no place; accepted: finite R and virtual")
     if not isinstance(vertices.further, list):
         raise TypeError(f"{where}.further is {_kind(vertices.further)}; accepted: a list of Vertices")
