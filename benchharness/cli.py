@@ -157,9 +157,11 @@ def compare(
     """Say whether a change made it better or worse. Exit code 1 for a regression, 4 if it cannot be said."""
 
     def action() -> int:
-        from benchharness import compare, plugins
+        from benchharness import compare
 
         if format not in compare.FORMATS:
+            from benchharness import plugins
+
             raise ValueError(f"--format: {plugins.unknown(format, compare.FORMATS)}")
         verdict = compare.compare(base, new, fail_on_time=fail_on_time)
         print(compare.FORMATS[format](verdict))

@@ -39,6 +39,8 @@ LEAST_UNCHANGED = 3
 
 Table = Mapping[tuple, Mapping[str, Any]]
 """results.key -> record, of one run."""
+Group = tuple[str, str, str, str, str]
+"""Scene, detail, method, parameters, clock."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,7 @@ def judge(base: Sequence[Table], new: Sequence[Table], keys: Iterable[tuple]) ->
     steady = _without_drift(series, _unchanged(base, new, keys))
     runs = len(base), len(new)
     unproven = _unproven(runs, apart)
-    groups: dict[tuple, list[np.ndarray]] = {}
+    groups: dict[Group, list[np.ndarray]] = {}
     for (scene, detail, _, method, params, clock), values in steady.items():
         groups.setdefault((scene, detail, method, params, clock), []).append(values)
     sides = {group: np.split(np.mean(frames, axis=0), [runs[0]]) for group, frames in groups.items()}
@@ -154,7 +156,7 @@ def _drift(series: Mapping[tuple, np.ndarray], steady: Mapping[tuple, np.ndarray
     return {clock: _ratio(float(np.median(found))) for clock, found in shifts.items()}
 
 
-def _paces(sides: Mapping[tuple, Sequence[np.ndarray]], *, proves: bool) -> Iterator[Pace]:
+def _paces(sides: Mapping[Group, Sequence[np.ndarray]], *, proves: bool) -> Iterator[Pace]:
     if not proves:
         for group, (base, new) in sides.items():
             yield Pace(*group, "unproven", _ratio(new.mean() - base.mean()))
@@ -168,7 +170,7 @@ def _paces(sides: Mapping[tuple, Sequence[np.ndarray]], *, proves: bool) -> Iter
             verdict = "slow" if test.difference > 0 else "fast"
         elif low >= -SAME and high <= SAME:
             verdict = "same"
-        yield Pace(*group, verdict, *map(_ratio, (test.difference, low, high)), float(p))
+        yield Pace(*group, verdict, _ratio(test.difference), _ratio(low), _ratio(high), float(p))
 
 
 def _ratio(log: float) -> float:

@@ -2,9 +2,9 @@
 
     python tests/gate_power.py [--runs 10] [--load 0] [--folder DIR]
 
-makes so many runs of three sides in turns (the same code twice, and once with a kernel that does a tenth more work) while
-`--load` other processes keep the cores busy. Then it compares them as they were made, and in random halves and parts of
-them: 20 of unchanged code, 10 of the slower kernel. Runs that are in the folder already are not made again.
+makes so many runs of the kitchen, small, on three sides in turns (the same code twice, and once with a kernel that does a
+tenth more work) while `--load` other processes keep the cores busy. Then it compares them as they were made, and in random
+parts: 20 of unchanged code, 10 of the slower kernel. Runs that are in the folder already are not made again.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from benchharness import compare, rerun, results, times
 STUDY = """
 [run]
 size = [160, 120]
-frames = 2
+frames = [50]
 max_rounds = 15
 images = []
 
 [scenes.kitchen]
 
 [methods.ray_traced]
+bounces = [1, 2]
+
 [methods.environment_map]
-[methods.image_space_search]
-[methods.secant_triangle]
-[methods.newton]
+resolution = [64, 128]
 
 [methods.mine]
 source = "mine.py"

@@ -6,27 +6,19 @@ import sys
 from pathlib import Path
 
 import pytest
-import study
+import quick_cli
 from typer.testing import CliRunner
 
 from benchharness import cli, rerun, results
 
-SHIM = """
-import sys
-from benchharness import cli, report, runner
-runner.BENCH = "study:Bench"
-report.write = lambda folder: folder / "report.html"
-cli.main()
-"""
-
 
 @pytest.fixture
 def fake(tmp_path, monkeypatch):
-    """Children that measure nothing, and so are quick."""
-    (tmp_path / "quick_cli.py").write_text(SHIM)
-    monkeypatch.setattr(rerun, "CLI", (str(tmp_path / "quick_cli.py"),))
+    """A study whose runs measure nothing, and so are quick."""
+    monkeypatch.setattr(rerun, "CLI", (str(quick_cli.command(tmp_path)),))
     monkeypatch.chdir(tmp_path)
-    return study.write(tmp_path, '["a", "b"]')
+    (tmp_path / "study.toml").touch()
+    return tmp_path / "study.toml"
 
 
 @pytest.fixture
@@ -105,13 +97,13 @@ def call(*arguments: object):
 
 
 def test_runs_are_made_compared_and_taken_up(fake, tmp_path):
-    done = call("rerun", fake.name, "--times", 1, "--out", "out", "--only", "actor")
+    done = call("rerun", fake.name, "--times", 1, "--out", "out", "--only", "a")
     assert done.exit_code == 3, done.output  # one run against one: unproven
     assert "unproven: one run against one" in done.stdout
     command = results.read_command(tmp_path / "out" / "new" / "01")
     assert command == {"config": str(fake), "plugins": []}
     before = (tmp_path / "out" / "base" / "01" / "results.csv").stat().st_mtime_ns
-    again = call("rerun", fake.name, "--times", 1, "--out", "out", "--only", "actor", "--resume")
+    again = call("rerun", fake.name, "--times", 1, "--out", "out", "--only", "a", "--resume")
     assert again.exit_code == 3 and "run out" not in again.stdout
     assert (tmp_path / "out" / "base" / "01" / "results.csv").stat().st_mtime_ns == before
 
