@@ -13,8 +13,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchharness import results
+
 BASE, NEW, WARM_UP = "base", "new", "warm-up"
-USEFUL = (0, 3)
+INCOMPLETE = 3
+USEFUL = (0, INCOMPLETE)
 """Exit codes of a run that has a table: a method that crashed is the comparison's to tell."""
 CLI = ("-m", "benchharness.cli")
 
@@ -122,3 +125,7 @@ def run_once(side: Installation, arguments: Sequence[str], out: Path, say: Calla
     if done.returncode not in USEFUL or not (out / "results.csv").exists():
         said = " | ".join(log.read_text(errors="replace").strip().splitlines()[-3:])
         raise RunFailed(done.returncode, f"{out}: the run ended with exit code {done.returncode}: {said} (see {log})")
+    records = results.read_results(out)
+    if not any(record["status"] == "ok" for record in records):
+        said = records[0]["reason"] if records else "it has no rows"
+        raise RunFailed(INCOMPLETE, f"{out}: nothing was measured: {said} (see {log})")

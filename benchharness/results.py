@@ -295,7 +295,7 @@ def _check_record(record: Mapping, where: str, lenient: bool) -> None:
     """Raises ValueError for a record that does not say what it is about, or whose counters are no numbers."""
     if record["status"] not in STATUSES:
         raise ValueError(f"{where}, column 'status' is {shorten(record['status'] or '')}; accepted: {', '.join(STATUSES)}")
-    for name in ("scene", "frame", "method"):
+    for name in ("scene", "method"):
         if record[name] is None:
             raise ValueError(f"{where}, column {name!r} is empty; accepted: what the row is about")
     try:

@@ -112,9 +112,13 @@ def make(folder: Path, runs: int) -> None:
 
 
 def read(folder: Path) -> dict[str, list[times.Table]]:
-    """The tables of every side."""
+    """The tables of every side. Raises ValueError where a row was not measured."""
     runs = {name: sorted((folder / "runs" / name).glob("*/results.csv")) for name in SIDES}
-    return {name: [{results.key(r): r for r in results.read_results(file)} for file in files] for name, files in runs.items()}
+    tables = {name: [{results.key(r): r for r in results.read_results(file)} for file in files] for name, files in runs.items()}
+    for record in (record for side in tables.values() for table in side for record in table.values()):
+        if record["status"] != "ok":
+            raise ValueError(f"{folder}: {record['method']} is {record['status']}: {record['reason']}; accepted: ok")
+    return tables
 
 
 @dataclass(frozen=True)

@@ -112,3 +112,10 @@ def test_a_run_that_fails_ends_it_with_its_code_and_its_words(fake):
     done = call("rerun", "nowhere.toml", "--times", 1, "--out", "out")
     assert done.exit_code == 2
     assert "exit code 2" in done.stderr and "there is no such config" in done.stderr
+
+
+def test_runs_in_which_nothing_is_measured_are_not_made_again_and_again(fake, monkeypatch):
+    monkeypatch.setenv("QUICK_STATUS", "crashed")
+    done = call("rerun", fake.name, "--times", 3, "--out", "out")
+    assert done.exit_code == 3 and done.stdout.count("run out") == 1
+    assert "nothing was measured: out of luck" in done.stderr
