@@ -1,7 +1,7 @@
 """`check-method`: does a method keep the contract of `benchharness.api`? A list of pass, warn and fail.
 
 The method runs on a tiny scene (a mirror ball in a box, one ball that moves) in a child process, since a kernel that is
-wrong may abort: `python -m benchharness.check FILE[:Name]` prints one finding per line as JSON. Nothing here is timed;
+wrong may abort: `python -m benchharness.check FILE[:Name] PARENT` says one finding per line as JSON. Nothing here is timed;
 what is checked is that a time would mean what it says: the answer depends on the frame, is not cached between frames or
 instances, and nothing is evaluated inside `shade`.
 """
@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
-import json
 import os
 import re
 import subprocess
 import sys
+import tempfile
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchharness import params, platform, plugins
+from benchharness import params, platform, plugins, processes
 from benchharness.scene import Camera, Mesh, Object, Reflector, Scene, subdivided
 
 if TYPE_CHECKING:
@@ -48,22 +49,37 @@ def check(spec: str) -> list[Finding]:
     path = Path(plugins.absolute(spec, Path.cwd()).rpartition(".py")[0] + ".py")
     if not path.is_file():
         raise ValueError(f"check-method: there is no file {path}; accepted: file.py or file.py:Name")
-    command = [sys.executable, "-P", "-m", "benchharness.check", plugins.absolute(spec, Path.cwd())]
-    env = {**os.environ, "PYTHONPATH": os.pathsep.join(entry or os.getcwd() for entry in sys.path)}
-    try:
-        child = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=TIMEOUT_S, env=env)
-        stdout, end = child.stdout, child.returncode
-        said = child.stderr
-    except subprocess.TimeoutExpired as late:
-        stdout, end, said = (late.stdout or b"").decode(errors="replace"), None, ""
-    found = [Finding(**json.loads(line)) for line in stdout.splitlines() if line.startswith('{"level"')]
-    if end is None:
-        found.append(Finding("fail", f"no end within {TIMEOUT_S:g} s"))
-    elif end != 0:
-        lines = [line.strip() for line in said.splitlines() if line.strip()]
-        cause = f"signal {-end}" if end < 0 else f"exit code {end}"
-        found.append(Finding("fail", f"the process ended with {cause}: {lines[-1] if lines else 'no word'}"))
+    found: list[Finding] = []
+    with tempfile.TemporaryDirectory(prefix="benchharness-") as folder:
+        log = Path(folder) / "log"
+        with open(log, "wb") as stream:
+            child = processes.start("benchharness.check", plugins.absolute(spec, Path.cwd()), str(os.getpid()), log=stream)
+        try:
+            ending = _heard(child, found)
+        finally:
+            processes.end(child)
+        words = processes.tail(log)
+    if ending is not None:
+        found.append(Finding("fail", f"{ending}: {words or 'no word'}"))
     return found
+
+
+def _heard(child: subprocess.Popen[bytes], found: list[Finding]) -> str | None:
+    """Adds what a child finds; returns how it ended, None if it said that this was all."""
+    assert child.stdout is not None
+    lines, deadline = processes.Lines(child.stdout), time.monotonic() + TIMEOUT_S
+    try:
+        while (said := lines.next(deadline - time.monotonic())) is not None:
+            if "all" in said:
+                return None
+            found.append(Finding(str(said.get("level")), str(said.get("text"))))
+        return f"the process ended with {processes.cause(child.wait(timeout=10.0))} before it was done"
+    except TimeoutError:
+        return f"no end within {TIMEOUT_S:g} s"
+    except subprocess.TimeoutExpired:
+        return "the process closed its channel"
+    except ValueError as error:
+        return str(error)
 
 
 def findings(plugin: plugins.Plugin, renderer: Renderer) -> Iterator[Finding]:
@@ -240,19 +256,22 @@ def _judged(holds: bool, good: str, bad: str, level: str = "fail") -> Finding:
     return Finding("pass", good) if holds else Finding(level, bad)
 
 
-def main(spec: str) -> None:
-    """In the child: one line of JSON per finding."""
+def main(spec: str, parent: int) -> None:
+    """In the child: one line of JSON per finding, and a last word."""
+    say = processes.channel()
+    processes.end_with_parent(parent)
     platform.use_variant("llvm_ad_rgb")
     try:
         plugin = plugins.from_path("method", spec, Path.cwd(), "check-method")
     except ValueError as error:
-        print(json.dumps({"level": "fail", "text": str(error)}), flush=True)
-        return
-    from benchharness.frame import FrameRenderer
+        say({"level": "fail", "text": str(error)})
+    else:
+        from benchharness.frame import FrameRenderer
 
-    for finding in findings(plugin, FrameRenderer):
-        print(json.dumps(dataclasses.asdict(finding)), flush=True)
+        for finding in findings(plugin, FrameRenderer):
+            say(dataclasses.asdict(finding))
+    say({"all": True})
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    main(sys.argv[1], int(sys.argv[2]))

@@ -7,6 +7,7 @@ two sides cannot be compared; 5 the environment is broken.
 from __future__ import annotations
 
 import errno
+import signal
 import sys
 import traceback
 from collections.abc import Callable
@@ -149,7 +150,6 @@ def list_(
 
         if what is not None and what not in listing.KINDS:
             raise ValueError(f"list: {plugins.unknown(what, listing.KINDS)}")
-        platform.use_any_variant()
         for kind in listing.KINDS if what is None else (what,):
             if what is None:
                 print(f"{kind}:")
@@ -207,32 +207,47 @@ def doctor() -> None:
 
 
 def main() -> None:
-    """The console script. What we did not foresee is a traceback and exit code 3, never 1, which means a regression."""
+    """The console script. What we did not foresee is a traceback and exit code 3, never 1, which means a regression; so is
+    an interruption, by Ctrl-C or SIGTERM, at whatever moment."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         app()
+    except (SystemExit, KeyboardInterrupt) as end:
+        if _interrupted(end):  # outside any command, where Typer has a code of its own
+            sys.exit(INCOMPLETE)
+        raise
     except Exception:
         traceback.print_exc()
         sys.exit(INCOMPLETE)
 
 
+def _interrupted(end: BaseException | None) -> bool:
+    return end is not None and (isinstance(end, KeyboardInterrupt) or _interrupted(end.__context__))
+
+
 def _exit(action: Callable[[], int]) -> NoReturn:
     """Ends the command with what the action returns, or with the code of what it raises and one clear message."""
-    from benchharness.folder import Incomparable
-
     try:
-        code = action()
-    except platform.EnvironmentBroken as error:
-        code = _said(error, BROKEN_ENVIRONMENT)
-    except Incomparable as error:
-        code = _said(error, INCOMPARABLE)
-    except ValueError as error:
-        code = _said(error, WRONG_INPUT)
-    except OSError as error:
-        where = f"{error.filename}: " if error.filename is not None else ""
-        code = _said(f"{where}{error.strerror or error}", BROKEN_ENVIRONMENT if error.errno in EXHAUSTED else WRONG_INPUT)
+        code = _code(action)
     except KeyboardInterrupt:
         code = _said("interrupted; the same with --resume takes up where it stopped", INCOMPLETE)
     raise typer.Exit(code)
+
+
+def _code(action: Callable[[], int]) -> int:
+    from benchharness.folder import Incomparable
+
+    try:
+        return action()
+    except platform.EnvironmentBroken as error:
+        return _said(error, BROKEN_ENVIRONMENT)
+    except Incomparable as error:
+        return _said(error, INCOMPARABLE)
+    except ValueError as error:
+        return _said(error, WRONG_INPUT)
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename is not None else ""
+        return _said(f"{where}{error.strerror or error}", BROKEN_ENVIRONMENT if error.errno in EXHAUSTED else WRONG_INPUT)
 
 
 def _said(message: object, code: int) -> int:

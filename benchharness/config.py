@@ -6,7 +6,8 @@
     [methods.NAME]     fields of the method, optional `source`; [[methods.NAME]] are several sweeps of one method
 
 A list sweeps: every combination is a row of its own. Whatever is wrong is a ValueError that names file, key, value and
-what would be accepted, before any work is done.
+what would be accepted, before any work is done. Methods and scenes are asked in a process of their own
+(`benchharness.loading`, through `benchharness.apart`): what is here of them is what they said, as plain data.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from benchharness import identity, params, platform, plugins, tablescene
-from benchharness.api import Method
+from benchharness import identity, params, plugins
+from benchharness.apart import Apart
 from benchharness.inside import check_cameras
 from benchharness.orientation import oriented
 from benchharness.scene import Scene, refined
 
 if TYPE_CHECKING:
-    from benchharness.reference import ReferenceOptions
+    from benchharness.api import Method
 
 SECTIONS = ("run", "scenes", "reference", "methods")
 
@@ -78,14 +79,18 @@ class Run:
 class Entry:
     """One method with one set of parameters: what a row of the table is about.
 
-    method  the name in the table
-    source  absolute `file.py` or `file.py:Name`; None for a discovered method
-    params  every field of the method -> value
+    method       the name in the table
+    source       absolute `file.py` or `file.py:Name`; None for a discovered method
+    params       every field of the method -> value
+    changed      those of them that are not the defaults
+    method_hash  of its source, see `identity.of_method`
     """
 
     method: str
     source: str | None
     params: dict[str, Any]
+    changed: list[str] = field(default_factory=list)
+    method_hash: str = ""
 
     @property
     def params_text(self) -> str:
@@ -97,14 +102,10 @@ class Entry:
         """Method and parameters in one line; unique within a run."""
         return f"{self.method} {self.params_text}".strip()
 
-    def cls(self) -> type[Method]:
-        if self.source is not None:
-            return plugins.from_path("method", self.source, Path("/"), self.method).target
-        return plugins.look_up(self.method, plugins.discover("method"), self.method).target
-
     def build(self) -> Method:
-        """The method. Raises ValueError where its own `__post_init__` refuses the parameters."""
-        cls = self.cls()
+        """The method, imported and built in this process. Raises ValueError where it cannot be, and what its own
+        `__post_init__` raises."""
+        cls = plugins.given("method", self.method, self.source, self.method).target
         declared = params.of_method(cls)
         return cls(**{name: declared[name].value(given, f"{self.method}.{name}") for name, given in self.params.items()})
 
@@ -130,15 +131,17 @@ class SceneSpec:
     def build(self) -> Scene:
         """The scene, named by its label. Raises ValueError for what the user can mend, a failing builder included."""
         if self.table:
+            from benchharness import tablescene
+
             table = tablescene.validated(self.keywords, self.where)
             return tablescene.build(self.label, table, Path(self.base), self.where)
-        builder = _builder(self.name, self.source, self.where)
+        builder = plugins.given("scene", self.name, self.source, self.where).target
         declared = params.of_builder(builder)
         keywords = {name: declared[name].value(given, f"{self.where}.{name}") for name, given in self.keywords.items()}
         try:
             scene = builder(**keywords)
         except Exception as error:
-            raise ValueError(f"{self.where}: the scene cannot be built: {type(error).__name__}: {error}") from error
+            raise ValueError(f"{self.where}: the scene cannot be built: {plugins.said(error)}") from error
         if not isinstance(scene, Scene):
             raise ValueError(f"{self.where}: the builder returned {type(scene).__name__}; accepted: a Scene")
         return replace(scene, name=self.label)
@@ -164,12 +167,12 @@ class Job:
 
 @dataclass(frozen=True)
 class Config:
-    """A validated study. `method_hashes` is by `Entry.key`."""
+    """A validated study. `reference`: the fields of `reference.ReferenceOptions`. `method_hashes` is by `Entry.key`."""
 
     name: str
     path: Path
     run: Run
-    reference: ReferenceOptions
+    reference: dict[str, Any]
     jobs: list[Job]
     entries: list[Entry]
     config_hash: str
@@ -185,32 +188,27 @@ def load(
     only   names of the methods to keep; all if empty
     tell   hears how far it is, where that takes long
 
-    Sets the config's variant for this process, since methods may not be imported before. Raises ValueError for what is
-    wrong in the config, platform.EnvironmentBroken where the variant cannot be used.
+    Raises ValueError for what is wrong in the config, platform.EnvironmentBroken where the variant cannot be used.
     """
     document = read(path)
     run = _run(document.get("run", {}), f"{path}: [run]")
-    platform.use_variant(run.variant)
-    from benchharness.reference import ReferenceOptions
-
-    reference = params.options(ReferenceOptions, document.get("reference", {}), f"{path}: [reference]")
-    given = distinct([*entries(document.get("methods", {}), path), *(plugged_in(spec) for spec in extra)])
-    names = list(dict.fromkeys(entry.method for entry in given))
-    for name in only:
-        if name not in names:
-            raise ValueError(f"--only: method {plugins.unknown(name, names)}")
-    kept = [entry for entry in given if not only or entry.method in only]
-    if len(kept) > params.MOST_POINTS:
-        raise ValueError(f"{path}: there are {len(kept):,} methods with parameters; accepted: at most {params.MOST_POINTS:,}")
-    if not kept:
-        raise ValueError(f"{path}: there is no method to run; accepted: at least one [methods.NAME] or --plugin FILE")
-    hashes = method_hashes(kept, str(path))
-    specs = list(_scenes(document.get("scenes", {}), path))
-    if not specs:
+    section, extra = _only(document.get("methods", {}), extra, only)
+    with Apart(run.variant) as apart:
+        where, asked = f"{path}: [reference]", document.get("reference", {})
+        params.check_plain(asked, where)
+        reference = apart.call("benchharness.loading:reference", where, table=asked, where=where)
+        given = distinct([*entries(section, path, apart), *(plugged_in(spec, apart) for spec in extra)])
+        if not given:
+            raise ValueError(f"{path}: there is no method to run; accepted: at least one [methods.NAME] or --plugin FILE")
+        if len(given) > params.MOST_POINTS:
+            most = f"{params.MOST_POINTS:,}"
+            raise ValueError(f"{path}: there are {len(given):,} methods with parameters; accepted: at most {most}")
+        specs = list(_scenes(document.get("scenes", {}), path, apart))
+        if len(specs) > MOST_SCENES:
+            raise ValueError(f"{path}: there are {len(specs):,} configurations of scenes; accepted: at most {MOST_SCENES}")
+        jobs = [_job(spec, run, given, path, apart) for spec in _slowly(specs, tell)]
+    if not jobs:
         raise ValueError(f"{path}: there is no scene; accepted: at least one [scenes.NAME]")
-    if len(specs) > MOST_SCENES:
-        raise ValueError(f"{path}: there are {len(specs):,} configurations of scenes; accepted: at most {MOST_SCENES}")
-    jobs = [_job(spec, run, kept, path) for spec in _slowly(specs, tell)]
     places = Counter((job.facts["scene"], job.facts["detail"]) for job in jobs)
     for place, count in places.items():
         if count > 1:
@@ -219,22 +217,9 @@ def load(
                 "that hands its `detail` on to the Scene"
             )
     determines = {k: v for k, v in asdict(run).items() if k in ("variant", "size", "frames", "seed")}
-    config_hash = identity.of_options({"run": determines, "reference": asdict(reference)})
-    return Config(path.stem, path.resolve(), run, reference, jobs, kept, config_hash, hashes)
-
-
-def method_hashes(entries: Iterable[Entry], where: str) -> dict[str, str]:
-    """Entry.key -> `identity.of_method`. Raises ValueError for parameters that a method refuses."""
-    hashes, known = {}, {}
-    for entry in entries:
-        try:
-            method = type(entry.build())
-            if method not in known:
-                known[method] = identity.of_method(method)
-            hashes[entry.key] = known[method]
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"{where}: [methods.{entry.method}] {entry.params_text}: {error}") from error
-    return hashes
+    config_hash = identity.of_options({"run": determines, "reference": reference})
+    method_hashes = {entry.key: entry.method_hash for entry in given}
+    return Config(path.stem, path.resolve(), run, reference, jobs, given, config_hash, method_hashes)
 
 
 def _slowly(specs: Sequence[SceneSpec], tell: Callable[[str], None]) -> Iterator[SceneSpec]:
@@ -311,36 +296,59 @@ def _run(table: Mapping[str, Any], where: str) -> Run:
     return run
 
 
-def entries(section: Mapping[str, Any], path: Path) -> Iterator[Entry]:
+def _only(section: Mapping[str, Any], extra: Sequence[str], only: Sequence[str]) -> tuple[dict[str, Any], list[str]]:
+    """The tables and files of the methods to keep, before anything of the others is imported. Raises ValueError for a name
+    that there is not."""
+    named = {spec: plugins.name_of(spec) for spec in extra}
+    names = list(dict.fromkeys([*section, *named.values()]))
+    for name in only:
+        if name not in names:
+            raise ValueError(f"--only: method {plugins.unknown(name, names)}")
+    kept = set(only or names)
+    return {k: v for k, v in section.items() if k in kept}, [spec for spec, name in named.items() if name in kept]
+
+
+def entries(section: Mapping[str, Any], path: Path, apart: Apart) -> Iterator[Entry]:
     """The entries of the tables [methods.NAME]. Raises ValueError for what is wrong in them."""
-    discovered = plugins.discover("method") if section else {}
     for name, content in section.items():
         several = isinstance(content, list)
         for number, table in enumerate(content if several else [content]):
             where = f"{path}: [methods.{name}]" + (f"[{number}]" if several else "")
             if not isinstance(table, dict):
                 raise ValueError(f"{where} is {table!r}; accepted: a table of the method's fields")
-            source = _source(table, path, where)
-            if source is None:
-                plugin = plugins.look_up(name, discovered, where)
-            else:
-                plugin = plugins.from_path("method", source, path.parent, f"{where}.source")
+            source = _source("method", name, table, path, where)
             fields = {key: value for key, value in table.items() if key != "source"}
-            for point in params.sweep(fields, params.of_method(plugin.target), where):
-                yield Entry(name, source, point)
+            yield from _entries(name, source, fields, where, apart, where if source is None else f"{where}.source")
 
 
-def plugged_in(spec: str) -> Entry:
+def plugged_in(spec: str, apart: Apart) -> Entry:
     """An entry for `--plugin`: named like its file, with default parameters."""
-    plugin = plugins.from_path("method", spec, Path.cwd(), "--plugin")
-    declared = params.of_method(plugin.target)
-    return Entry(plugin.name, plugins.absolute(spec, Path.cwd()), params.sweep({}, declared, f"--plugin {spec}")[0])
+    name, source = plugins.name_of(spec), plugins.absolute(spec, Path.cwd())
+    plugins.check_free("method", name, source, "--plugin")
+    return next(_entries(name, source, {}, f"--plugin {spec}", apart, "--plugin"))
 
 
-def installed() -> list[Entry]:
-    """Every installed method that loads, with default parameters."""
-    found = {name: plugin for name, plugin in plugins.discover("method").items() if plugin.error is None}
-    return [Entry(name, None, params.sweep({}, params.of_method(p.target), name)[0]) for name, p in found.items()]
+def installed(apart: Apart, tell: Callable[[str], None] = print) -> list[Entry]:
+    """Every installed method that loads, with default parameters; `tell` hears of those that do not."""
+    found = []
+    for name in plugins.sites("method"):
+        try:
+            found += _entries(name, None, {}, name, apart, name)
+        except ValueError as error:
+            tell(f"left out: {error}")
+    return found
+
+
+def _entries(name: str, source: str | None, fields: Mapping[str, Any], where: str, apart: Apart, named: str) -> Iterator[Entry]:
+    """One per combination of a table's values. `named` is the place that names the method."""
+    if source is None:
+        plugins.site("method", name, named)
+    params.check_plain(fields, where)
+    said = apart.call(
+        "benchharness.loading:method", where, name=name, source=source, fields=fields, where=where, named=named
+    )  # fmt: skip
+    for point in said["points"]:
+        yield Entry(name, source, point["params"], point["changed"], said["hash"])
 
 
 def distinct(entries: Iterable[Entry]) -> list[Entry]:
@@ -358,29 +366,42 @@ def distinct(entries: Iterable[Entry]) -> list[Entry]:
     return list(kept.values())
 
 
-def _scenes(section: Mapping[str, Any], path: Path) -> Iterator[SceneSpec]:
-    discovered = plugins.discover("scene") if section else {}
+def _scenes(section: Mapping[str, Any], path: Path, apart: Apart) -> Iterator[SceneSpec]:
     base = str(path.parent.resolve())
+    installed = {name for name, site in plugins.sites("scene").items() if site.offers}
     for name, table in section.items():
         where = f"{path}: [scenes.{name}]"
         if not isinstance(table, dict):
             raise ValueError(f"{where} is {table!r}; accepted: a table of the builder's keywords")
-        source = _source(table, path, where)
-        if source is None and name not in discovered and {"objects", "reflectors", "camera"} & set(table):
-            tablescene.validated(table, where)
+        source = _source("scene", name, table, path, where)
+        given = {key: value for key, value in table.items() if key != "source"}
+        params.check_plain(given, where)
+        if source is None and name not in installed and {"objects", "reflectors", "camera"} & set(table):
             yield SceneSpec(name, name, None, True, table, base, where)
             continue
-        declared = params.of_builder(_builder(name, source, where))
-        given = {key: value for key, value in table.items() if key != "source"}
-        points = params.sweep(given, declared, where)
-        swept = [key for key in given if key != "detail" and len({params.text(p[key]) for p in points}) > 1]
-        for point in points:
-            label = name + (f"[{params.canonical({key: point[key] for key in swept})}]" if swept else "")
+        named = where if source is None else f"{where}.source"
+        if source is None and name not in installed:
+            raise ValueError(f"{named}: {plugins.unknown(name, installed)}")
+        said = apart.call(
+            "benchharness.loading:scene", where, name=name, source=source, fields=given, where=where, named=named
+        )  # fmt: skip
+        for point, label in zip(said["points"], said["labels"], strict=True):
             yield SceneSpec(label, name, source, False, point, base, where)
 
 
-def _job(spec: SceneSpec, run: Run, entries: list[Entry], path: Path) -> Job:
-    """Builds the scene once, to see that it can be rendered as asked, and keeps what the table says about it."""
+def _job(spec: SceneSpec, run: Run, entries: list[Entry], path: Path, apart: Apart) -> Job:
+    """Has the scene built once, to see that it can be rendered as asked, and keeps what the table says about it."""
+    arguments = {"spec": asdict(spec), "run": asdict(run), "path": str(path)}
+    said = apart.call("benchharness.config:examined", spec.where, timeout_s=run.timeout_s, **arguments)
+    return Job(spec, said["frames"], said["images"], said["facts"], entries, said["notes"])
+
+
+def examined(spec: dict[str, Any], run: dict[str, Any], path: str) -> dict[str, Any]:
+    """Builds a scene in this process. Returns what a `Job` holds of it. Raises ValueError where it cannot be rendered."""
+    return _examined(SceneSpec(**spec), Run(**run), path)
+
+
+def _examined(spec: SceneSpec, run: Run, path: str) -> dict[str, Any]:
     scene = spec.build()
     for name, count in [
         ("frames", scene.frames),
@@ -416,7 +437,8 @@ def _job(spec: SceneSpec, run: Run, entries: list[Entry], path: Path) -> Job:
         "scene_hash": identity.of_scene(scene),
     }
     images = frames if run.images is None else sorted({*run.images})
-    return Job(spec, frames, images, facts, entries, [str(note) for note in notes if note.remarkable])
+    remarkable = [str(note) for note in notes if note.remarkable]
+    return {"frames": frames, "images": images, "facts": facts, "notes": remarkable}
 
 
 def _check_light(scene: Scene, where: str) -> None:
@@ -431,17 +453,13 @@ def _check_light(scene: Scene, where: str) -> None:
         )
 
 
-def _builder(name: str, source: str | None, where: str) -> Any:
-    if source is not None:
-        return plugins.from_path("scene", source, Path("/"), f"{where}.source").target
-    return plugins.look_up(name, plugins.discover("scene"), where).target
-
-
-def _source(table: Mapping[str, Any], path: Path, where: str) -> str | None:
-    """The absolute form of a table's `source`, if it has one."""
+def _source(kind: str, name: str, table: Mapping[str, Any], path: Path, where: str) -> str | None:
+    """The absolute form of a table's `source`, if it has one. Raises ValueError where an installed plugin has its name."""
     source = table.get("source")
     if source is None:
         return None
     if not isinstance(source, str):
         raise ValueError(f'{where}.source is {source!r}; accepted: "file.py" or "file.py:Name"')
-    return plugins.absolute(source, path.parent)
+    source = plugins.absolute(source, path.parent)
+    plugins.check_free(kind, name, source, where)
+    return source

@@ -1,4 +1,5 @@
-"""What works on this machine: every variant, tried in a child process, since a wrong LLVM aborts and does not raise.
+"""What works on this machine: every variant, tried in a child process, since a wrong LLVM aborts and does not raise; a
+method; the cache; the lock under which is timed; and every plugin.
 
 `python -m benchharness.doctor VARIANT` is the child: a Dr.Jit kernel of the kind that methods are made of (a symbolic
 loop, `dr.maximum`, `dr.clip`: what some LLVM versions abort on) and a tiny picture (Embree or OptiX, and shading).
@@ -10,12 +11,20 @@ import os
 import platform as machine
 import subprocess
 import sys
+import tempfile
+from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
-from benchharness import platform, plugins
+from benchharness import cache, check, platform, plugins, processes, template
+from benchharness.apart import Apart
 
 PROBED = ("llvm_ad_rgb", "cuda_ad_rgb", "scalar_rgb")
+NEEDED = ("method", "cache", "lock")
+"""What every study needs beside a variant."""
 TIMEOUT_S = 180.0
+CAME_OUT_RIGHT = "a kernel and a picture came out right"
+"""The child's last word; an end without it, with code 0 too, is none."""
 SUM = 28.0
 """What the kernel adds up, see `_kernel`."""
 
@@ -31,36 +40,87 @@ class Diagnosis:
 
 
 def examine() -> list[Diagnosis]:
-    """All variants, then, if there is one to import them with, the plugins that do not load."""
+    """All variants, a method, cache and lock, then, if there is a variant to import them with, the plugins that do not load."""
     found = [_variant(name) for name in PROBED]
-    working = [diagnosis.name for diagnosis in found if diagnosis.works]
-    if not working:
-        return found
-    platform.use_variant(working[0])
-    for kind in ("method", "scene"):
-        for plugin in plugins.discover(kind).values():
-            if plugin.error is not None:
-                found.append(Diagnosis(f"{kind} {plugin.name}", False, plugin.error, f"mend {plugin.origin}"))
+    if usable(found):
+        found.append(_method())
+    found += [_cache(), _lock()]
+    if any(diagnosis.works for diagnosis in found[: len(PROBED)]):
+        found += _broken_plugins()
     return found
 
 
 def usable(diagnoses: list[Diagnosis]) -> bool:
-    """Whether the LLVM variant works, which every study can run on."""
-    return any(d.works for d in diagnoses if d.name == "llvm_ad_rgb")
+    """Whether a study can run: on the LLVM variant, which every one can run on, with a method, a cache and a lock."""
+    needed = {d.name: d.works for d in diagnoses if d.name in ("llvm_ad_rgb", *NEEDED)}
+    return all(needed.values()) and needed.get("llvm_ad_rgb", False)
+
+
+def _method() -> Diagnosis:
+    """What `new-method` writes, put through `check-method`."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = template.new_method("doctors_method", Path(folder))
+        bad = [finding.text for finding in check.check(str(path)) if finding.level == "fail"]
+    if bad:
+        mend = f"see whether LLVM at {platform.use_llvm() or 'a place of the system'} is of version 19 or newer"
+        return Diagnosis("method", False, f"a method of the simplest kind fails: {'; '.join(bad)}", mend)
+    return Diagnosis("method", True, "a method of the simplest kind keeps its contract")
+
+
+def _cache() -> Diagnosis:
+    folder = cache.cache_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=folder) as file:
+            file.write(bytes(4096))
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        mend = "make room there, or set BENCHHARNESS_CACHE to a folder that can be written"
+        return Diagnosis("cache", False, f"{folder} cannot be written: {error}", mend)
+    return Diagnosis("cache", True, f"{folder} can be written")
+
+
+class _Held(Exception):
+    pass
+
+
+def _lock() -> Diagnosis:
+    def held(text: str) -> None:
+        raise _Held
+
+    try:
+        with platform.alone(held):
+            return Diagnosis("lock", True, "nobody else is timing on this machine")
+    except _Held:
+        return Diagnosis("lock", True, "another run is timing on this machine")
+    except (OSError, ValueError, platform.EnvironmentBroken) as error:
+        return Diagnosis("lock", False, str(error), "let the lock's file be a plain one that you can write")
+
+
+def _broken_plugins() -> Iterator[Diagnosis]:
+    with Apart() as apart:
+        for kind in ("method", "scene"):
+            for name, site in plugins.sites(kind).items():
+                try:
+                    apart.call("benchharness.loading:describe", name, kind=kind, name=name)
+                except ValueError as error:
+                    yield Diagnosis(f"{kind} {name}", False, str(error).removeprefix(f"{name}: "), f"mend {site.origin}")
 
 
 def _variant(name: str) -> Diagnosis:
     library = platform.use_llvm()
     command = [sys.executable, "-P", "-m", "benchharness.doctor", name]
-    env = {**os.environ, "PYTHONPATH": os.pathsep.join(entry or os.getcwd() for entry in sys.path)}
     try:
-        child = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=TIMEOUT_S, env=env)
+        child = subprocess.run(
+            command, capture_output=True, text=True, errors="replace", timeout=TIMEOUT_S, env=processes.surroundings()
+        )  # fmt: skip
     except subprocess.TimeoutExpired:
         return Diagnosis(name, False, f"no answer within {TIMEOUT_S:g} s", _mend(name, library))
-    if child.returncode == 0:
-        return Diagnosis(name, True, child.stdout.strip())
     lines = [line.strip() for line in (child.stdout + child.stderr).splitlines() if line.strip()]
-    cause = f"signal {-child.returncode}" if child.returncode < 0 else f"exit code {child.returncode}"
+    if child.returncode == 0 and CAME_OUT_RIGHT in child.stdout:
+        return Diagnosis(name, True, child.stdout.strip())
+    cause = processes.cause(child.returncode)
     return Diagnosis(name, False, f"{cause}: {lines[-1] if lines else 'no word'}", _mend(name, library))
 
 
@@ -95,7 +155,7 @@ def probe(variant: str) -> str:
     if not (abs(sky - 1.0) < 1e-3 and abs(ball - 0.5) < 0.05):
         raise RuntimeError(f"the picture shows sky {sky:.3f} and ball {ball:.3f} instead of 1 and 0.5")
     where = f", LLVM at {library or 'a place of the system'}" if variant.startswith("llvm") else ""
-    return f"a kernel and a picture came out right (mitsuba {mi.__version__}{where})"
+    return f"{CAME_OUT_RIGHT} (mitsuba {mi.__version__}{where})"
 
 
 def _kernel() -> float:

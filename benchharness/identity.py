@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 import benchharness
+from benchharness import plugins
 from benchharness.scene import Mesh, Object, Scene
 
 LENGTH = 16
@@ -47,11 +48,20 @@ def of_scene(scene: Scene) -> str:
 
 
 def of_method(method: type) -> str:
-    """Of the file that defines the class and of the sources of `benchharness.kernels`."""
-    source = inspect.getsourcefile(method)
-    assert source is not None, method
+    """Of the file that defines the class, of what that imports beside itself, and of the sources of `benchharness.kernels`.
+
+    Raises ValueError where the class has no file.
+    """
+    try:
+        source = inspect.getsourcefile(method)
+    except TypeError:
+        source = None
+    if source is None:
+        raise ValueError(f"there is no source file of {method.__name__}; accepted: a class that a file defines")
     kernels = Path(benchharness.__file__).parent / "kernels"
     digest = hashlib.sha256(Path(source).read_bytes())
+    for name, file in plugins.beside(Path(source), plugins.package_of(method)):
+        digest.update(name.encode() + b"\0" + file.read_bytes())
     for file in sorted(kernels.rglob("*.py")):
         digest.update(file.relative_to(kernels).as_posix().encode() + b"\0" + file.read_bytes())
     return digest.hexdigest()[:LENGTH]

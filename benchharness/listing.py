@@ -2,35 +2,30 @@
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
-from benchharness import params, plugins
+from benchharness import plugins
+from benchharness.apart import Apart
 
 CONFIGS = Path("configs")
 
 
-def methods() -> Iterator[str]:
-    """A method's name and paper, then a line per field; or why it is broken."""
-    for plugin in plugins.discover("method").values():
-        yield _broken(plugin) if plugin.error else f"{plugin.name}  ({getattr(plugin.target, 'paper', 'no paper')})"
-        if not plugin.error:
-            yield from _parameters(params.of_method(plugin.target))
-
-
-def scenes() -> Iterator[str]:
-    """A scene's name and first line of docstring, then a line per keyword; or why it is broken."""
-    for plugin in plugins.discover("scene").values():
-        if plugin.error:
-            yield _broken(plugin)
-            continue
-        said = inspect.getdoc(plugin.target) or inspect.getdoc(inspect.getmodule(plugin.target)) or ""
-        yield f"{plugin.name}  {said.partition(chr(10))[0]}".rstrip()
-        try:
-            yield from _parameters(params.of_builder(plugin.target))
-        except ValueError as error:
-            yield f"  BROKEN: {error}"
+def installed(kind: str) -> Iterator[str]:
+    """Of every "method" or "scene" its name and paper, or first line of docstring, and its parameters; or why it is broken."""
+    with Apart() as apart:
+        for name, site in plugins.sites(kind).items():
+            try:
+                said = apart.call("benchharness.loading:describe", name, kind=kind, name=name)
+            except ValueError as error:
+                yield f"{name}  BROKEN ({site.origin}): {str(error).removeprefix(f'{name}: ')}"
+                continue
+            if said is None:
+                continue
+            yield f"{name}  ({said['says']})" if kind == "method" else f"{name}  {said['says']}".rstrip()
+            for parameter, default, accepted in said["parameters"]:
+                yield f"  {parameter} {default}  ({accepted})"
 
 
 def configs(folder: Path = CONFIGS) -> Iterator[str]:
@@ -40,15 +35,4 @@ def configs(folder: Path = CONFIGS) -> Iterator[str]:
         yield f"{path}  {first.lstrip('# ')}".rstrip() if first.startswith("#") else str(path)
 
 
-KINDS = {"methods": methods, "scenes": scenes, "configs": configs}
-
-
-def _parameters(declared: Mapping[str, params.Parameter]) -> Iterator[str]:
-    for name, parameter in declared.items():
-        required = parameter.default is params.Parameter.required
-        default = "required" if required else f"= {params.text(parameter.default)}"
-        yield f"  {name} {default}  ({parameter.accepted()})"
-
-
-def _broken(plugin: plugins.Plugin) -> str:
-    return f"{plugin.name}  BROKEN ({plugin.origin}): {plugin.error}"
+KINDS = {"methods": partial(installed, "method"), "scenes": partial(installed, "scene"), "configs": configs}

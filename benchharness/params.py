@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, Literal
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import PydanticUserError, TypeAdapter, ValidationError
 
 from benchharness import plugins
 
@@ -27,6 +27,8 @@ MOST_POINTS = 4096
 """Combinations of one sweep: rows of an hour and more at every frame."""
 SHOWN = 200
 """Characters of a wrong value that a message quotes at most."""
+PLAIN = "a number, text, true, false, none, or a list of such"
+"""What a parameter may be: what TOML and JSON can say."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,8 @@ class Parameter:
         """The validated value. Raises ValueError; `where` is 'file: key'."""
         try:
             return self._adapter.validate_json(_json(given, where), strict=True)
+        except PydanticUserError as error:
+            raise ValueError(f"{where}: {self.accepted()} is no type of a parameter ({error}); accepted: {PLAIN}") from None
         except ValidationError as error:
             raise ValueError(f"{where} is {_shown(given)}; accepted: {self.accepted()} ({error.errors()[0]['msg']})") from None
 
@@ -72,18 +76,22 @@ class Parameter:
 
 
 def of_method(method: type) -> dict[str, Parameter]:
-    """Name -> parameter of a method class, in the order of its fields."""
-    hints = typing.get_type_hints(method, include_extras=True)
+    """Name -> parameter of a method class, in the order of its fields. Raises ValueError as `of_builder` does."""
+    hints = _hints(method)
     return {
-        field.name: Parameter(field.name, hints[field.name], _field_default(field))
+        field.name: _declared(method, field.name, hints[field.name], _field_default(field))
         for field in dataclasses.fields(method)
         if field.init
     }
 
 
 def of_builder(builder: Callable) -> dict[str, Parameter]:
-    """Name -> parameter of a scene's builder, in its order. Raises ValueError for *args, **kwargs and bare names."""
-    hints = typing.get_type_hints(builder, include_extras=True)
+    """Name -> parameter of a scene's builder, in its order.
+
+    Raises ValueError for *args, **kwargs and bare names, for annotations that cannot be resolved, and for defaults that no
+    config could hold.
+    """
+    hints = _hints(builder)
     found = {}
     for name, parameter in inspect.signature(builder).parameters.items():
         if parameter.kind not in (parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY) or name not in hints:
@@ -91,8 +99,27 @@ def of_builder(builder: Callable) -> dict[str, Parameter]:
                 f"builder {builder.__name__}: parameter {name!r} has no annotation or no name of its own; "
                 "accepted: annotated keywords"
             )
-        found[name] = Parameter(name, hints[name], parameter.default)
+        found[name] = _declared(builder, name, hints[name], parameter.default)
     return found
+
+
+def _hints(owner: Any) -> dict[str, Any]:
+    try:
+        return typing.get_type_hints(owner, include_extras=True)
+    except Exception as error:
+        raise ValueError(
+            f"the annotations of {owner.__name__} cannot be read: {plugins.said(error)}; accepted: names that its module has"
+        ) from None
+
+
+def _declared(owner: Any, name: str, annotation: Any, default: Any) -> Parameter:
+    if default is not Parameter.required:
+        try:
+            json.dumps(default)
+        except (TypeError, ValueError, RecursionError) as error:
+            given = f"{plugins.shown(default)} ({plugins.said(error)})"
+            raise ValueError(f"{owner.__name__}: the default of {name!r} is {given}; accepted: {PLAIN}") from None
+    return Parameter(name, annotation, default)
 
 
 def options(kind: type, table: Mapping[str, Any], where: str) -> Any:
@@ -128,6 +155,12 @@ def sweep(table: Mapping[str, Any], declared: Mapping[str, Parameter], where: st
         {name: {**defaults, **dict(zip(table, point, strict=True))}[name] for name in declared}
         for point in itertools.product(*axes)
     ]
+
+
+def check_plain(table: Mapping[str, Any], where: str) -> None:
+    """Raises ValueError for a value that JSON cannot hold; `where` is 'file: section'."""
+    for key, value in table.items():
+        _json(value, f"{where}.{key}")
 
 
 def canonical(params: Mapping[str, Any]) -> str:
@@ -188,6 +221,8 @@ def _json(given: Any, where: str) -> str:
         return json.dumps(given)
     except TypeError:
         raise ValueError(f"{where} is {given} (a TOML date or time); accepted: a number, text, true, false") from None
+    except RecursionError:
+        raise ValueError(f"{where} is nested too deeply; accepted: a number, text, true, false, or a list of such") from None
 
 
 def _shown(given: Any) -> str:

@@ -1,6 +1,7 @@
 """What the harness asks of the machine: LLVM for Dr.Jit, a variant for Mitsuba, and to be alone while it times.
 
-Importing this module imports neither Dr.Jit nor Mitsuba, so that `use_llvm` can speak before they look for LLVM.
+Importing this module imports neither Dr.Jit nor Mitsuba, so that `use_llvm` can speak before they look for LLVM: the package
+calls it, whichever of its modules is imported first.
 """
 
 from __future__ import annotations
@@ -43,7 +44,6 @@ def use_llvm() -> str | None:
 
 def use_variant(variant: str) -> None:
     """Sets Mitsuba's variant once for this process. Raises EnvironmentBroken where it cannot be set."""
-    use_llvm()
     try:
         import mitsuba as mi
 

@@ -9,9 +9,10 @@ Lines of the journal are what `benchharness.supervisor` yields.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Protocol
 
@@ -116,6 +117,7 @@ class _FrameLine(BaseModel):
     records: list[_Record]
     samples: list[dict[str, Any]]
     pictures: dict[str, str] = {}
+    again: list[str] = []
 
 
 class _OutLine(BaseModel):
@@ -123,6 +125,7 @@ class _OutLine(BaseModel):
     out: str
     status: Literal["refused", "invalid", "timeout", "crashed"]
     reason: str
+    again: bool = False
 
 
 _LINE = TypeAdapter(_FrameLine | _OutLine)
@@ -168,20 +171,27 @@ def _tasks(config: Config, pasts: Iterable[supervisor.Past]) -> list[Task]:
     return [Task(number, job, past) for number, (job, past) in enumerate(zip(config.jobs, pasts, strict=True))]
 
 
-def _again(config: Config, lines: Iterable[dict], images: Path, listener: Listener) -> Iterator[Task]:
-    """Frames whose pictures are not what they were: once more, with the methods that had an answer there."""
+def _again(config: Config, lines: Iterable[dict], images: Path, listener: Listener) -> list[Task]:
+    """Frames whose pictures are not what they were, and those that lost entries which nobody is to blame for: once more, with
+    the entries that had an answer there, or may have one."""
+    found: dict[tuple[int, str], tuple[set[int], dict[str, dict]]] = {}
     for (number, frame), line in _last(lines).items():
+        job, again = config.jobs[number], line.get("again", [])
         lost = folder.lost(images, line.get("pictures", {}))
         if lost:
-            job = config.jobs[number]
             named = f"{job.facts['scene']}, frame {frame}"
             listener.note(f"{named}: done again, since pictures are gone or changed: {', '.join(lost[:3])}")
+        if lost or again:
             out = {
                 entry.key: {"status": record["status"], "reason": record["reason"]}
                 for entry, record in zip(job.entries, line["records"], strict=True)
-                if record["status"] in (*BROKEN, "refused")
+                if record["status"] in (*BROKEN, "refused") and entry.key not in again
             }
-            yield Task(number, job, supervisor.Past({*job.frames} - {frame}, out))
+            found.setdefault((number, json.dumps(out)), (set(), out))[0].add(frame)
+    return [
+        Task(number, config.jobs[number], supervisor.Past({*config.jobs[number].frames} - frames, out))
+        for (number, _), (frames, out) in found.items()
+    ]
 
 
 def _last(lines: Iterable[dict]) -> dict[tuple[int, int], dict]:
@@ -217,7 +227,7 @@ def _plan(config: Config, environment: str) -> dict[str, Any]:
 
 
 def _setting(config: Config, place: Path, environment: str, bench: str) -> supervisor.Setting:
-    run, reference = config.run, asdict(config.reference)
+    run, reference = config.run, config.reference
     document = {
         "variant": run.variant,
         "size": run.size,
@@ -239,13 +249,14 @@ def _setting(config: Config, place: Path, environment: str, bench: str) -> super
 
 
 def _pasts(config: Config, lines: Iterable[dict]) -> list[supervisor.Past]:
+    """What is done and out. What nobody is to blame for is not out: it is tried again, see `_again`."""
     pasts = [supervisor.Past() for _ in config.jobs]
     for line in lines:
         past = pasts[line["job"]]
         if "frame" in line:
             past.done.add(line["frame"])
             past.out |= supervisor.crashed_in(line)
-        else:
+        elif not line.get("again"):
             past.out[line["out"]] = {"status": line["status"], "reason": line["reason"]}
     return pasts
 

@@ -33,7 +33,7 @@ import numpy as np
 import trimesh
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from benchharness import platform, plugins
+from benchharness import plugins
 from benchharness.creases import creased
 from benchharness.inside import is_closed
 from benchharness.scene import Camera, Environment, Mesh, Object, Reflector, Scene, merged, subdivided, vertex_normals
@@ -170,7 +170,6 @@ def _environment(table: SceneTable, base: Path, where: str) -> Environment | Non
         raise ValueError(f"{where}.environment is {str(path)!r}; accepted: a file that ends in {', '.join(PANORAMAS)}")
     if not path.is_file():
         raise ValueError(f"{where}.environment: there is no file {path}; accepted: a path relative to the config")
-    platform.use_llvm()
     import mitsuba as mi  # late: reading a config needs it for panoramas alone
 
     try:

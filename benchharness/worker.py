@@ -11,29 +11,27 @@ Lines: {"event": "out", "entry", "status", "reason"}        the entry does not r
        {"event": "waits", "text"}                           another process is timing; the clock begins anew with "start"
        {"event": "frame", "frame", "records", "samples",    a frame is done; checksums of its pictures by name
         "pictures"}
-       {"event": "failed", "reason"}                        an exception outside any method
+       {"event": "failed", "reason", "machine"}             an exception that ends the work; machine: of files or devices
+       {"event": "done"}                                    the last word; an end without it is none
 """
 
 from __future__ import annotations
 
-import contextlib
 import faulthandler
 import importlib
 import json
-import os
-import signal
 import sys
-import threading
 import traceback
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from benchharness import folder, platform
+from benchharness import folder, platform, plugins, processes
 
 if TYPE_CHECKING:
     from benchharness.api import Method
+    from benchharness.scene import Scene
 
 
 class Bench(Protocol):
@@ -60,15 +58,17 @@ class Bench(Protocol):
 
 
 def main(job_file: str) -> None:
-    say = channel()
+    say = processes.channel()
     job = json.loads(Path(job_file).read_text(encoding="utf-8"))
-    end_with_parent(job["parent"])
+    processes.end_with_parent(job["parent"])
     faulthandler.enable()
     try:
         _work(job, say)
-    except Exception as error:
+    except BaseException as error:  # plugins raise what they like
         traceback.print_exc()
-        say({"event": "failed", "reason": f"{type(error).__name__}: {error}"})
+        say({"event": "failed", "reason": plugins.said(error), "machine": isinstance(error, OSError)})
+    else:
+        say({"event": "done"})
 
 
 def _work(job: dict[str, Any], say: Callable[[dict], None]) -> None:
@@ -82,13 +82,13 @@ def _work(job: dict[str, Any], say: Callable[[dict], None]) -> None:
     scene = SceneSpec(**job["scene"]).build()
     methods = {}
     for entry in (Entry(**values) for values in job["entries"]):
-        method = entry.build()
         watch(entry.key)
+        method = entry.build()
         try:
-            refusal, status = method.refuses(scene), "refused"
+            refusal, status = _refusal(method, scene), "refused"
         except Exception as error:
             traceback.print_exc()
-            refusal, status = f"refuses: {type(error).__name__}: {error}", "crashed"
+            refusal, status = f"refuses: {plugins.said(error)}", "crashed"
         watch("")
         if refusal is None:
             methods[entry.key] = method
@@ -131,44 +131,12 @@ def _alone(frame: int, say: Callable[[dict], None]) -> Iterator[None]:
         yield
 
 
-def channel() -> Callable[[dict], None]:
-    """What says our lines of JSON on the given stdout. Everybody else's go to stderr, which is the log."""
-    channel = os.dup(1)
-    os.dup2(2, 1)
-
-    def say(line: dict) -> None:
-        data = (json.dumps(line, default=_plain) + "\n").encode()
-        while data:
-            data = data[os.write(channel, data) :]
-
-    return say
-
-
-def _plain(value: Any) -> Any:
-    """A NumPy scalar as a Python number."""
-    return value.item()
-
-
-def end_with_parent(parent: int) -> None:
-    """The kernel kills us with our parent (Linux); elsewhere we see that stdin is closed. No core files."""
-    if sys.platform == "linux":
-        import ctypes
-
-        PR_SET_PDEATHSIG = 1  # linux/prctl.h
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() != parent:  # it died before we asked
-            os._exit(1)
-    with contextlib.suppress(ImportError):
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-
-    def watch_stdin() -> None:
-        while os.read(0, 1024):
-            pass
-        os._exit(1)
-
-    threading.Thread(target=watch_stdin, daemon=True).start()
+def _refusal(method: Method, scene: Scene) -> str | None:
+    """The sentence why a method cannot serve a scene, or None. Raises TypeError for anything else."""
+    refusal = method.refuses(scene)
+    if refusal is None or (isinstance(refusal, str) and refusal.strip()):
+        return refusal
+    raise TypeError(f"the answer is {plugins.shown(refusal)}; accepted: a sentence, or None")
 
 
 if __name__ == "__main__":

@@ -48,7 +48,6 @@ def line(row: Row | Elsewhere) -> tuple[str, bool]:
 
 
 def main() -> int:
-    platform.use_llvm()
     platform.use_variant("llvm_ad_rgb")
     print("entry | what | catalogue | here | accepted, or where tested | verdict | why")
     outside = 0

@@ -1,4 +1,4 @@
-"""LLVM is chosen before any test module can import Dr.Jit; the variant is set once, where a test needs one.
+"""LLVM is chosen before any test module can import Dr.Jit, by importing us; the variant is set once, where a test needs one.
 
 `BENCHHARNESS_TEST_VARIANT=cuda_ad_rgb pytest tests/test_hierarchy.py` tests kernels on a graphics card.
 """
@@ -12,8 +12,6 @@ import pytest
 
 from benchharness import platform
 
-platform.use_llvm()
-
 
 @pytest.fixture(scope="session", autouse=True)
 def variant() -> str | None:
@@ -23,6 +21,18 @@ def variant() -> str | None:
     chosen = os.environ.get("BENCHHARNESS_TEST_VARIANT", "llvm_ad_rgb")
     platform.use_variant(chosen)
     return chosen
+
+
+@pytest.fixture
+def plugins_here(monkeypatch):
+    """Plugins are imported in this process, which is quicker; for tests whose plugins do no harm."""
+    from here import Here
+
+    import benchharness.config
+    import benchharness.stability.plan
+
+    monkeypatch.setattr(benchharness.config, "Apart", Here)
+    monkeypatch.setattr(benchharness.stability.plan, "Apart", Here)
 
 
 @pytest.fixture(scope="module")

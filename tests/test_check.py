@@ -62,10 +62,14 @@ def test_what_is_checked_is_a_mirror_within_walls():
     assert check.tiny_scene().enclosed == (True,)
 
 
-def test_a_method_that_aborts_is_a_finding(tmp_path):
-    (tmp_path / "sky.py").write_text("import os\nos.abort()\n")
-    assert check.check(str(tmp_path / "sky.py"))[-1].level == "fail"
-    assert "signal 6" in check.check(str(tmp_path / "sky.py"))[-1].text
+@pytest.mark.parametrize(
+    ("deed", "ending"),
+    [("os.abort()", "SIGABRT"), ("os._exit(0)", "exit code 0"), ("raise KeyboardInterrupt", "KeyboardInterrupt")],
+)
+def test_a_method_that_ends_its_process_is_a_finding_with_exit_code_zero_too(tmp_path, deed, ending):
+    (tmp_path / "sky.py").write_text(f"import os\n{deed}\n")
+    (found,) = check.check(str(tmp_path / "sky.py"))
+    assert (found.level, ending in found.text) == ("fail", True)
 
 
 def test_a_new_method_is_never_written_over_a_file(tmp_path):

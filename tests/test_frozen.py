@@ -7,7 +7,6 @@ import sys
 
 CHILD = """
 from benchharness import platform
-platform.use_llvm()
 platform.use_variant("llvm_ad_rgb")
 import gc
 import drjit as dr, mitsuba as mi

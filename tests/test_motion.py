@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from here import Here
 from motion_plugins import SHIFT
 from PIL import Image
 
@@ -23,7 +24,7 @@ SEEN = {"ppd": 67.0, "exposure": 0.0}
 def entry(name: str) -> Entry:
     if name[0].isupper():
         return Entry(name, f"{HERE / 'motion_plugins.py'}:{name}", {})
-    return plugged_in(str(HERE.parent / "methods" / f"{name}.py"))
+    return plugged_in(str(HERE.parent / "methods" / f"{name}.py"), Here())
 
 
 def grey(lightness: float) -> np.ndarray:

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from here import Here
 from mirror_room import mirror_room
 
 from benchharness import config, plugins, truth
@@ -129,8 +130,8 @@ def rows(tmp_path_factory, module_cache):
     """Rows of a floor in a convex mirror, by method and kind: traced rays, and a hash of the eye's position."""
     folder = tmp_path_factory.mktemp("perturbation")
     (folder / "hash_of_the_eye.py").write_text(NOISE)
-    traced = next(entry for entry in config.installed() if entry.method == "ray_traced")
-    entries = [traced, config.plugged_in(str(folder / "hash_of_the_eye.py"))]
+    traced = next(entry for entry in config.installed(Here()) if entry.method == "ray_traced")
+    entries = [traced, config.plugged_in(str(folder / "hash_of_the_eye.py"), Here())]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(perturbation, "SIZE", SIZE)
         (name, units), *others = perturbation.units(entries, ["hidden"]).items()

@@ -79,14 +79,20 @@ def test_a_broken_method_says_why_and_stops_no_other(package, text, reason):
     found = plugins.discover("method")
     assert reason in found["broken"].error
     assert found["whole"].error is None
-    with pytest.raises(ValueError, match=r"broken.*does not load"):
-        plugins.look_up("broken", found, "here")
+    with pytest.raises(ValueError, match=r"here: broken.*does not load"):
+        plugins.find("method", "broken", "here")
+    assert plugins.find("method", "whole", "here").target.__name__ == "Whole"
 
 
 def test_a_scene_module_without_a_builder_of_its_name_is_a_helper(package):
     (package / "scenes" / "shapes.py").write_text("def sphere(): ...")
     (package / "scenes" / "room.py").write_text("def room(): ...")
     assert list(plugins.discover("scene")) == ["room"]
+    assert [name for name, site in plugins.sites("scene").items() if site.offers] == ["room"]
+    with pytest.raises(ValueError, match=r"here: 'rom' is unknown, did you mean 'room'\?; accepted: room"):
+        plugins.find("scene", "rom", "here")
+    with pytest.raises(ValueError, match=r"here: scenes.shapes has no builder 'shapes'"):
+        plugins.find("scene", "shapes", "here")
 
 
 def test_entry_points_add_to_the_package_and_a_taken_name_stays_taken(package, monkeypatch):

@@ -142,14 +142,14 @@ def test_bad_input_is_refused_with_what_would_be_accepted(tmp_path):
         ("[methods.environment_map]\nresolution = 100", "resolution is 100; accepted: a power of two"),
     ],
 )
-def test_a_wrong_plan_is_refused_before_any_work(tmp_path, text, message):
+def test_a_wrong_plan_is_refused_before_any_work(plugins_here, tmp_path, text, message):
     (tmp_path / "plan.toml").write_text(text)
     with pytest.raises(ValueError, match=message):
         stability.run(tmp_path / "bad", tmp_path / "plan.toml")
     assert not (tmp_path / "bad").exists()
 
 
-def test_a_plan_adds_settings_to_what_is_installed(tmp_path):
+def test_a_plan_adds_settings_to_what_is_installed(plugins_here, tmp_path):
     (tmp_path / "plan.toml").write_text("[methods.newton]\nmulti = 3\nmax_iter = [20, 60]")
     labels = [plan.label(entry) for entry in plan.load(tmp_path / "plan.toml").entries]
     assert {"newton", "newton max_iter=20; multi=3", "newton multi=3", "ray_traced"} <= set(labels)
@@ -179,7 +179,7 @@ class Broken(Method):
     ("what", "timeout_s", "status", "reason"),
     [("os.abort()", 600.0, "crashed", "SIGABRT"), ("time.sleep(600)", 20.0, "timeout", "no answer for 20 s")],
 )
-def test_what_ends_or_hangs_a_process_costs_its_own_rows_only(tmp_path, what, timeout_s, status, reason):
+def test_what_ends_or_hangs_a_process_costs_its_own_rows_only(plugins_here, tmp_path, what, timeout_s, status, reason):
     (tmp_path / "broken.py").write_text(BROKEN.format(what=what))
     entries = plan.load(None, [str(tmp_path / "broken.py")], ["broken", "ray_traced"]).entries
     groups = atlas.units([*entries[::-1]], ["contact"], 1.0)
@@ -196,7 +196,7 @@ def table(folder):
         return list(csv.DictReader(stream))
 
 
-def test_a_crash_is_exit_code_three_and_a_used_folder_is_taken_up_or_refused(tmp_path):
+def test_a_crash_is_exit_code_three_and_a_used_folder_is_taken_up_or_refused(plugins_here, tmp_path):
     (tmp_path / "broken.py").write_text(BROKEN.format(what="raise RuntimeError('no such root')"))
     wanted = stability.Wanted([str(tmp_path / "broken.py")], ["broken", "ray_traced"], regimes=["contact"], severity=1.0)
     out, told = tmp_path / "run", []
@@ -231,7 +231,7 @@ def interruptible():
     signal.signal(signal.SIGINT, before)
 
 
-def test_an_interrupted_suite_keeps_its_rows_ends_at_once_and_is_taken_up(tmp_path, interruptible):
+def test_an_interrupted_suite_keeps_its_rows_ends_at_once_and_is_taken_up(plugins_here, tmp_path, interruptible):
     flag, out = tmp_path / "flag", tmp_path / "run"
     (tmp_path / "broken.py").write_text(BROKEN.format(what=f"if not Path({str(flag)!r}).exists(): time.sleep(600)"))
     wanted = stability.Wanted([str(tmp_path / "broken.py")], ["broken", "ray_traced"], regimes=["contact"], severity=1.0)

@@ -45,7 +45,7 @@ def baked(name: str, **keywords: Any) -> Scene:
     from benchharness import plugins
     from benchharness.bake import bake
 
-    return bake(plugins.look_up(name, plugins.discover("scene"), "speed").target(**keywords))
+    return bake(plugins.find("scene", name, "speed").target(**keywords))
 
 
 def kitchen(detail: str, moving: bool = False) -> Scene:

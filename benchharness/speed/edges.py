@@ -93,7 +93,7 @@ def _hits(stage: Stage, shown: relief.Reliefs) -> np.ndarray:
 def _image(stage: Stage, settings: Settings, n: int | None) -> np.ndarray:
     """Radiance float32 [H, W, 3]; n None: every texel."""
     how = {"intersector": "march"} if n is None else {"rotations": n, "points": settings.rate[1]}
-    kind = plugins.look_up(METHOD, plugins.discover("method"), "speed").target(resolution=settings.texels, **how)
+    kind = plugins.find("method", METHOD, "speed").target(resolution=settings.texels, **how)
     reflection, _ = kind.shade(stage.warmed(kind), stage.frame)
     return stage.pixels(stage.renderer.compose(stage.frame, reflection.L))
 

@@ -72,7 +72,7 @@ def study(scenes: Scenes, size: tuple[int, int], rounds: int, say: Callable[[str
 
 
 def _kind(name: str, **params: Any) -> Method:
-    return plugins.look_up(name, plugins.discover("method"), "speed").target(**params)
+    return plugins.find("method", name, "speed").target(**params)
 
 
 def _shade(stage: Stage, kind: Method) -> Work:

@@ -61,7 +61,7 @@ def study(scene: Scene, size: tuple[int, int], index: int, say: Callable[[str], 
     stage, found = Stage(scene, size, index), []
     for name, method, params in CASES:
         say(name)
-        kind = plugins.look_up(method, plugins.discover("method"), "speed").target(**params)
+        kind = plugins.find("method", method, "speed").target(**params)
         reflection, _ = kind.shade(stage.warmed(kind), stage.frame)
         assert reflection.vertices is not None
         iterations = np.array(reflection.vertices.iterations)

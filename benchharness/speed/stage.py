@@ -59,7 +59,7 @@ class Stage:
 
 def method(name: str) -> Method:
     """A method with its defaults. Raises ValueError where there is none of that name."""
-    return plugins.look_up(name, plugins.discover("method"), "speed").target()
+    return plugins.find("method", name, "speed").target()
 
 
 def answer(shaded: tuple[Reflection, Any]) -> tuple:

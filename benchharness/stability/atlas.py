@@ -129,6 +129,7 @@ def work(units: Sequence[dict[str, Any]], folder: Path) -> Iterator[dict[str, An
                     record["trusted"] = trusted.record["flip"]
                 record["doubted"] = float((seen.doubt & seen.found)[seen.mask].mean()) if seen.mask.any() else 0.0
                 _keep_picture(folder, regime, severity, plan.label(entry), seen, scene.exposure)
+            record["limit"] = type(method).limits.get(regime.entry)
             yield record
 
 
@@ -144,7 +145,7 @@ def row(unit: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:
         "regime": regime.name, "title": regime.title, "entry": regime.entry,
         "severity": unit["severity"], "severity_name": regime.severity,
         "method": entry.method, "setting": plan.setting(entry), "params": entry.params_text,
-        "verdict": judged, "why": why, "limit": entry.cls().limits.get(regime.entry) if judged == "fails" else None,
+        "verdict": judged, "why": why, "limit": record.get("limit") if judged == "fails" else None,
         "symptom_name": regime.symptom, "bound": regime.bound, "command": command,
     }  # fmt: skip
 

@@ -23,9 +23,9 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
-from benchharness import folder, platform, supervisor, worker
+from benchharness import folder, platform, processes
 
 VARIANT = "llvm_ad_rgb"
 TIMEOUT_S = 600.0  # that a unit may take, its share of what comes before the first included
@@ -144,7 +144,7 @@ def _child(
         file, log = Path(own) / "job.json", Path(own) / "log"
         file.write_text(json.dumps(job), encoding="utf-8")
         with open(log, "wb") as stream:
-            env = supervisor.surroundings() | {"OMP_NUM_THREADS": str(threads)}
+            env = processes.surroundings() | {"OMP_NUM_THREADS": str(threads)}
             child = subprocess.Popen(
                 [sys.executable, "-P", "-m", "benchharness.stability.children", str(file)], env=env,
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=stream, start_new_session=True,
@@ -152,49 +152,28 @@ def _child(
         assert child.stdin and child.stdout
         brood.add(child)
         try:
-            for said in _said(child.stdout, timeout_s):
-                if said is None:
-                    return {"status": "timeout", "reason": f"no answer for {timeout_s:g} s"}
+            lines = processes.Lines(child.stdout)
+            while (said := lines.next(timeout_s)) is not None:
                 tell(Done(*left.pop(0), said["record"], said["pictures"]))
             if not left:
                 return None
-            quoted = log.read_text(errors="replace").strip()[-200:]
-            return {"status": "crashed", "reason": f"the process ended with {supervisor.cause(child.wait())}: {quoted}"}
+            return {
+                "status": "crashed",
+                "reason": f"the process ended with {processes.cause(child.wait())}: {processes.tail(log)}",
+            }
+        except TimeoutError:
+            return {"status": "timeout", "reason": f"no answer for {timeout_s:g} s"}
+        except ValueError as error:
+            return {"status": "crashed", "reason": str(error)}
         finally:
             brood.remove(child)
-            child.kill()
-            child.wait()
-            child.stdin.close()
-            child.stdout.close()
-
-
-def _said(stream: IO[bytes], timeout_s: float) -> Iterator[dict | None]:
-    """The lines of a child until it ends; None, and no further ones, where it says nothing for too long."""
-    lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-
-    def read() -> None:
-        for line in stream:
-            lines.put(line)
-        lines.put(b"")
-
-    reader = threading.Thread(target=read, daemon=True)
-    reader.start()
-    while True:
-        try:
-            line = lines.get(timeout=timeout_s)
-        except queue.Empty:
-            yield None
-            return
-        if not line.endswith(b"\n"):  # the end, or half a line of a child that was killed
-            reader.join()
-            return
-        yield json.loads(line)
+            processes.end(child)
 
 
 def _work(file: str) -> None:
-    say = worker.channel()
+    say = processes.channel()
     job = json.loads(Path(file).read_text(encoding="utf-8"))
-    worker.end_with_parent(job["parent"])
+    processes.end_with_parent(job["parent"])
     platform.use_variant(VARIANT)
     import drjit as dr
 

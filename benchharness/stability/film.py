@@ -62,10 +62,15 @@ def spec(name: str) -> SceneSpec:
         source = plugins.absolute(name, Path.cwd())
         plugin = plugins.from_path("scene", name, Path.cwd(), "--scene")
     else:
-        source, plugin = None, plugins.look_up(name, plugins.discover("scene"), "--scene")
+        source, plugin = None, plugins.find("scene", name, "--scene")
     declared = params.of_builder(plugin.target)
     wanted = {key: value for key, value in (("detail", "lean"), ("moving", True)) if key in declared}
     return SceneSpec(plugin.name, plugin.name, source, False, params.sweep(wanted, declared, plugin.name)[0], "", plugin.name)
+
+
+def checked(name: str) -> str:
+    """The name of a scene in the tables. Raises ValueError as `spec` does, which imports the scene in this process."""
+    return spec(name).label
 
 
 def film(name: str, kind: str, count: int, substeps: int, start: int | None, size: tuple[int, int]) -> Film:

@@ -38,6 +38,7 @@ from typing import Any
 import numpy as np
 
 from benchharness import metrics, plugins, results
+from benchharness.apart import Apart
 from benchharness.config import Entry
 from benchharness.stability import plan
 
@@ -75,16 +76,15 @@ def units(
     start     frame of that animation at which runs begin; None: where most moves, and 0 for runs with a jump
     followed  frames in which `markers` follows images, from the first on; `places` of each pixel, along each axis
 
-    Raises ValueError for an unknown kind of run and for a scene that is not there.
+    Raises ValueError for an unknown kind of run and for a scene that is not there, or does not load.
     """
-    from benchharness.stability import film
-
     for kind in kinds:
         if kind not in KINDS:
             raise ValueError(f"kind {kind!r}; accepted: {', '.join(KINDS)}")
-    names = scenes or [name for name, plugin in plugins.discover("scene").items() if plugin.error is None]
-    for name in names:
-        film.spec(name)
+    names = scenes or [name for name, site in plugins.sites("scene").items() if site.offers]
+    with Apart() as apart:
+        for name in names:
+            apart.call("benchharness.stability.film:checked", f"--scene {name}", name=name)
     options = {"count": count, "substeps": substeps, "start": start, "size": list(size)}
     options |= {"followed": followed, "places": places}
     return {

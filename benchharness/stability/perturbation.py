@@ -91,7 +91,7 @@ def subject(name: str) -> Subject:
     if severity is not None:
         regime, build = atlas.regimes()[name]
         return Subject(replace(build(severity), name=f"{name}[{severity:g}]"), regime.frame, regime.max_depth)
-    made = plugins.look_up(name, plugins.discover("scene"), "perturbation").target()
+    made = plugins.find("scene", name, "perturbation").target()
     from benchharness.bake import bake
 
     return Subject(bake(made), 0, 2)

@@ -18,6 +18,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from benchharness import config, params, plugins
+from benchharness.apart import Apart
 from benchharness.config import Entry
 
 STUDIES = ("atlas", "motion", "perturbation")
@@ -78,8 +79,7 @@ class Plan:
 
 def setting(entry: Entry) -> str:
     """The parameters of an entry that are not the defaults: `multi=3`; empty for none."""
-    declared = params.of_method(entry.cls())
-    return params.canonical({k: v for k, v in entry.params.items() if v != declared[k].default})
+    return params.canonical({name: entry.params[name] for name in entry.changed})
 
 
 def label(entry: Entry) -> str:
@@ -99,8 +99,10 @@ def load(path: Path | None, extra: Sequence[str] = (), only: Sequence[str] = (),
     document = {} if path is None else config.read(path, SECTIONS)
     kinds = {"atlas": Atlas, "motion": Motion, "perturbation": Perturbation}
     options = {name: params.options(kind, document.get(name, {}), f"{path}: [{name}]") for name, kind in kinds.items()}
-    further = config.entries(document.get("methods", {}), path or Path())
-    entries = config.distinct([*config.installed(), *(config.plugged_in(spec) for spec in extra), *further])
+    with Apart() as apart:
+        further = config.entries(document.get("methods", {}), path or Path(), apart)
+        plugged_in = (config.plugged_in(spec, apart) for spec in extra)
+        entries = config.distinct([*config.installed(apart), *plugged_in, *further])
     labels = {label(entry): entry for entry in entries}
     for name in only:
         if name not in labels and name not in {entry.method for entry in entries}:
