@@ -346,11 +346,10 @@ def beside(path: Path, package: str | None = None) -> list[tuple[str, Path]]:
         finder.run_script(str(path))
     else:
         finder.import_hook(package)
-    return sorted(
-        (name, Path(module.__file__))
-        for name, module in finder.modules.items()
-        if module.__file__
-        and not f"{start}.".startswith(f"{name}.")
-        and own in (None, name.partition(".")[0])
-        and name != "__main__"
-    )
+    found = []
+    for name, module in finder.modules.items():
+        file = getattr(module, "__file__", None)  # none of a module that is built in
+        ours = own in (None, name.partition(".")[0]) and not f"{start}.".startswith(f"{name}.") and name != "__main__"
+        if file is not None and ours:
+            found.append((name, Path(file)))
+    return sorted(found)

@@ -124,7 +124,8 @@ def test_a_run_whose_journal_could_not_be_written_is_taken_up(tmp_path, undistur
 
 
 RUN = """
-import sys
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell that started us in the background lets it be ignored
 from pathlib import Path
 from benchharness import cli, progress, report, runner
 report.write = lambda folder: folder

@@ -9,12 +9,18 @@ import sys
 from pathlib import Path
 
 import pytest
-import study
 
 from benchharness import platform, template
 
 pytestmark = pytest.mark.skipif(platform.bundled_llvm() is None, reason="this environment has no LLVM of its own")
 
+ROOM = """
+from benchharness import check
+from benchharness.scene import Scene
+
+def room() -> Scene:
+    return check.tiny_scene()
+"""
 LOADED = """
 import {module}
 import mitsuba as mi
@@ -101,15 +107,15 @@ def test_list_works_beside_a_decoy(surroundings):
 
 
 def test_a_run_works_beside_a_decoy(surroundings, tmp_path):
-    (tmp_path / "place.py").write_text(study.SCENE)
-    path = template.new_method("sky", tmp_path)
+    (tmp_path / "room.py").write_text(ROOM)
+    template.new_method("sky", tmp_path)
     config = tmp_path / "small.toml"
     config.write_text(
-        "[run]\nframes = 1\nsize = [32, 16]\nmin_rounds = 1\nmax_rounds = 1\n"
-        '[reference]\nspp = 2\nbake_spp = 1\n[scenes.place]\nsource = "place.py"\n[methods.sky]\nsource = "sky.py"\n'
+        "[run]\nframes = 1\nsize = [48, 32]\nmin_rounds = 1\nmax_rounds = 1\n"
+        '[reference]\nspp = 2\nbake_spp = 1\n[scenes.room]\nsource = "room.py"\n[methods.sky]\nsource = "sky.py"\n'
     )
     said = command(surroundings, "run", config, "--out", tmp_path / "out")
-    assert "frame 0: 1 ok" in said, path
+    assert "frame 0: 1 ok" in said
 
 
 @pytest.mark.slow
