@@ -198,12 +198,11 @@ def load(
         params.check_plain(asked, where)
         reference = apart.call("benchharness.loading:reference", where, table=asked, where=where)
         given = distinct([*entries(section, path, apart), *(plugged_in(spec, apart) for spec in extra)])
-        if len(given) > params.MOST_POINTS:
-            raise ValueError(
-                f"{path}: there are {len(given):,} methods with parameters; accepted: at most {params.MOST_POINTS:,}"
-            )
         if not given:
             raise ValueError(f"{path}: there is no method to run; accepted: at least one [methods.NAME] or --plugin FILE")
+        if len(given) > params.MOST_POINTS:
+            most = f"{params.MOST_POINTS:,}"
+            raise ValueError(f"{path}: there are {len(given):,} methods with parameters; accepted: at most {most}")
         specs = list(_scenes(document.get("scenes", {}), path, apart))
         if len(specs) > MOST_SCENES:
             raise ValueError(f"{path}: there are {len(specs):,} configurations of scenes; accepted: at most {MOST_SCENES}")

@@ -35,8 +35,8 @@ def _of_job(config: Config, job: Job, frames: int) -> float:
     pixels = run.size[0] * run.size[1]
     row_s = ROW_S + 1e-6 * pixels * (ROW_S_PER_MPX + ROUND_S_PER_MPX * (run.min_rounds + run.max_rounds) / 2)
     baked = reference["lighting"] == "baked"
-    depth = reference["max_depth"] or (2 if baked else 8)
     spp = 2 if baked and reference["filter"] == "center" else reference["spp"]
+    depth = reference["max_depth"] or (2 if baked else 8)
     segments = 2 * frames * pixels * depth * spp  # two references per frame
     if baked:
         segments += job.facts["vertices"] * reference["bake_spp"] * BAKE_SEGMENTS

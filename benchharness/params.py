@@ -23,12 +23,12 @@ from pydantic import PydanticUserError, TypeAdapter, ValidationError
 
 from benchharness import plugins
 
-PLAIN = "a number, text, true, false, none, or a list of such"
-"""What a parameter may be: what TOML and JSON can say."""
 MOST_POINTS = 4096
 """Combinations of one sweep: rows of an hour and more at every frame."""
 SHOWN = 200
 """Characters of a wrong value that a message quotes at most."""
+PLAIN = "a number, text, true, false, none, or a list of such"
+"""What a parameter may be: what TOML and JSON can say."""
 
 
 @dataclass(frozen=True)

@@ -52,7 +52,7 @@ class Lines:
         self._lines.put(b"")
 
     def next(self, timeout_s: float | None) -> dict[str, Any] | None:
-        """The next one; None at the end, half a line of a child that was killed included. `timeout_s`: None to wait for ever.
+        """The next one; None at the end, half a line of a child that was killed included. No `timeout_s`: waits for ever.
 
         Raises TimeoutError where none comes in time, ValueError for what is no JSON object.
         """

@@ -9,6 +9,7 @@ Lines of the journal are what `benchharness.supervisor` yields.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -170,20 +171,27 @@ def _tasks(config: Config, pasts: Iterable[supervisor.Past]) -> list[Task]:
     return [Task(number, job, past) for number, (job, past) in enumerate(zip(config.jobs, pasts, strict=True))]
 
 
-def _again(config: Config, lines: Iterable[dict], images: Path, listener: Listener) -> Iterator[Task]:
-    """Frames whose pictures are not what they were: once more, with the methods that had an answer there."""
+def _again(config: Config, lines: Iterable[dict], images: Path, listener: Listener) -> list[Task]:
+    """Frames whose pictures are not what they were, and those that lost entries which nobody is to blame for: once more, with
+    the entries that had an answer there, or may have one."""
+    found: dict[tuple[int, str], tuple[set[int], dict[str, dict]]] = {}
     for (number, frame), line in _last(lines).items():
+        job, again = config.jobs[number], line.get("again", [])
         lost = folder.lost(images, line.get("pictures", {}))
-        if lost and not line.get("again"):
-            job = config.jobs[number]
+        if lost:
             named = f"{job.facts['scene']}, frame {frame}"
             listener.note(f"{named}: done again, since pictures are gone or changed: {', '.join(lost[:3])}")
+        if lost or again:
             out = {
                 entry.key: {"status": record["status"], "reason": record["reason"]}
                 for entry, record in zip(job.entries, line["records"], strict=True)
-                if record["status"] in (*BROKEN, "refused")
+                if record["status"] in (*BROKEN, "refused") and entry.key not in again
             }
-            yield Task(number, job, supervisor.Past({*job.frames} - {frame}, out))
+            found.setdefault((number, json.dumps(out)), (set(), out))[0].add(frame)
+    return [
+        Task(number, config.jobs[number], supervisor.Past({*config.jobs[number].frames} - frames, out))
+        for (number, _), (frames, out) in found.items()
+    ]
 
 
 def _last(lines: Iterable[dict]) -> dict[tuple[int, int], dict]:
@@ -233,6 +241,7 @@ def _setting(config: Config, place: Path, environment: str, bench: str) -> super
         "config": config.name,
         "variant": run.variant,
         "reference_lighting": reference["lighting"],
+        "reference_spp": reference["spp"],
         "config_hash": config.config_hash,
         "environment": environment,
     }
@@ -240,23 +249,20 @@ def _setting(config: Config, place: Path, environment: str, bench: str) -> super
 
 
 def _pasts(config: Config, lines: Iterable[dict]) -> list[supervisor.Past]:
-    """What is done and out. What nobody is to blame for is neither: it is tried again."""
+    """What is done and out. What nobody is to blame for is not out: it is tried again, see `_again`."""
     pasts = [supervisor.Past() for _ in config.jobs]
     for line in lines:
         past = pasts[line["job"]]
-        if "frame" not in line:
-            if not line.get("again"):
-                past.out[line["out"]] = {"status": line["status"], "reason": line["reason"]}
-        elif line.get("again"):
-            past.done.discard(line["frame"])
-        else:
+        if "frame" in line:
             past.done.add(line["frame"])
             past.out |= supervisor.crashed_in(line)
+        elif not line.get("again"):
+            past.out[line["out"]] = {"status": line["status"], "reason": line["reason"]}
     return pasts
 
 
 def _tables(lines: Iterable[dict]) -> tuple[list[dict], list[dict]]:
-    """Records and samples of all frames, jobs and frames in their order; of a frame that was done anew, the last ones."""
+    """Records and samples of all frames, jobs and frames in their order."""
     frames = _last(lines).values()
     return [r for line in frames for r in line["records"]], [s for line in frames for s in line["samples"]]
 

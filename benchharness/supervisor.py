@@ -2,13 +2,13 @@
 
 Yields the lines of the journal as they come true:
 
-    {"job", "out": entry, "status", "reason", "again"}           the entry gets no more frames of this job
-    {"job", "frame", "records", "samples", "pictures", "again"}  a frame is done; complete rows of results.csv and samples.csv,
-                                                                 checksums of its pictures by name
+    {"job", "out": entry, "status", "reason", "again"}   the entry gets no more frames of this job
+    {"job", "frame", "records", "samples",               a frame is done; complete rows of results.csv and samples.csv, and
+     "again", "pictures"}                                checksums of its pictures by name
 
 and what does not belong there:
 
-    {"job", "note"}                                              something the user should read
+    {"job", "note"}                                      something the user should read
 
 What proves that a death is an entry's: it died, or threw what nobody caught, while it was in flight, twice in one frame, or
 was in flight when the time was over. A worker that died once may have been killed by anybody. Where it dies again outside
@@ -38,8 +38,8 @@ WORDS = {
     "out": {"entry", "status", "reason"},
     "ready": set(),
     "start": {"frame"},
-    "waits": {"text"},
     "watch": {"entry"},
+    "waits": {"text"},
     "frame": {"frame", "records", "samples", "pictures"},
     "failed": {"reason", "machine"},
     "done": set(),
@@ -117,7 +117,6 @@ class _Execution:
     again    those of them that are tried again when the run is taken up
     strikes  (frame, entry in flight) of deaths that may have been anybody's
     lost     the last frame is done, and no entry lived through it
-    waited   it was said that another process is timing
     """
 
     def __init__(self, number: int, job: Job, setting: Setting, past: Past) -> None:
@@ -138,21 +137,15 @@ class _Execution:
                 return
             ending = _Ending()
             for event in _worker(self.number, self.job, self.setting, entries, self.left, ending):
-                if event["event"] == "frame":
+                if event["event"] == "out":
+                    yield self._leaves(event["entry"], {"status": event["status"], "reason": event["reason"]})
+                elif event["event"] == "waits":
+                    yield from self._waits(event["text"])
+                else:
                     yield self._done(event["frame"], event["records"], event["samples"], event["pictures"])
                     self.lost = False
-                else:
-                    yield from self._said(event)
             if self.left and ending.reason is not None:
                 yield from self._after(ending)
-
-    def _said(self, event: dict) -> Iterator[dict]:
-        """The line of an event that is no frame."""
-        if event["event"] == "out":
-            yield self._leaves(event["entry"], {"status": event["status"], "reason": event["reason"]})
-        elif not self.waited:
-            self.waited = True
-            yield {"job": self.number, "note": event["text"]}
 
     def _within(self, entries: Sequence[Entry]) -> list[Entry]:
         return [entry for entry in entries if entry.key not in self.out]
@@ -188,12 +181,15 @@ class _Execution:
         while parts:
             part, ending, done = parts.popleft(), _Ending(), False
             for event in _worker(self.number, self.job, self.setting, part, [frame], ending):
-                if event["event"] != "frame":
-                    yield from self._said(event)
+                if event["event"] == "out":
+                    yield self._leaves(event["entry"], {"status": event["status"], "reason": event["reason"]})
+                    continue
+                if event["event"] == "waits":
+                    yield from self._waits(event["text"])
                     continue
                 done = True
-                pictures |= event["pictures"]
                 records += event["records"]
+                pictures |= event["pictures"]
                 samples += [sample for sample in event["samples"] if sample["entry"] or not samples]
             part = [] if done else self._within(part)
             if ending.entry and self._first(ending):
@@ -216,6 +212,12 @@ class _Execution:
         if again:
             self.again.add(key)
         return {"job": self.number, "out": key, **columns, "again": again}
+
+    def _waits(self, text: str) -> Iterator[dict]:
+        """The note, once per job, that another process is timing."""
+        if not self.waited:
+            yield {"job": self.number, "note": text}
+        self.waited = True
 
     def _done(
         self,
@@ -241,7 +243,7 @@ class _Execution:
             about = _about(entries[sample["entry"]]) if sample["entry"] else {"method": "", "params": ""}
             raw.append({**place, **about, **{k: v for k, v in sample.items() if k != "entry"}})
         again = [key for key in entries if key in self.again or key in dead]
-        line = {"job": self.number, "frame": frame, "records": rows, "samples": raw, "pictures": pictures, "again": again}
+        line = {"job": self.number, "frame": frame, "records": rows, "samples": raw, "again": again, "pictures": pictures}
         self.out |= crashed_in(line)
         return line
 
@@ -298,8 +300,7 @@ def _code(process: subprocess.Popen) -> str:
 def _events(
     process: subprocess.Popen, timeout_s: float, entries: set[str], frames: set[int], ending: _Ending
 ) -> Generator[dict, None, str | None]:
-    """Yields "out", "frame" and "waits"; follows the rest. Returns what went wrong, "" if it just ended, None if all is
-    done."""
+    """Yields "out", "frame" and "waits"; follows the rest. Returns what went wrong, "" for a mere end, None if all is done."""
     assert process.stdout is not None
     lines = processes.Lines(process.stdout)
     deadline: float | None = time.monotonic() + timeout_s

@@ -196,7 +196,7 @@ def table(folder):
         return list(csv.DictReader(stream))
 
 
-def test_a_crash_is_exit_code_three_and_a_used_folder_is_taken_up_or_refused(tmp_path):
+def test_a_crash_is_exit_code_three_and_a_used_folder_is_taken_up_or_refused(plugins_here, tmp_path):
     (tmp_path / "broken.py").write_text(BROKEN.format(what="raise RuntimeError('no such root')"))
     wanted = stability.Wanted([str(tmp_path / "broken.py")], ["broken", "ray_traced"], regimes=["contact"], severity=1.0)
     out, told = tmp_path / "run", []
@@ -231,7 +231,7 @@ def interruptible():
     signal.signal(signal.SIGINT, before)
 
 
-def test_an_interrupted_suite_keeps_its_rows_ends_at_once_and_is_taken_up(tmp_path, interruptible):
+def test_an_interrupted_suite_keeps_its_rows_ends_at_once_and_is_taken_up(plugins_here, tmp_path, interruptible):
     flag, out = tmp_path / "flag", tmp_path / "run"
     (tmp_path / "broken.py").write_text(BROKEN.format(what=f"if not Path({str(flag)!r}).exists(): time.sleep(600)"))
     wanted = stability.Wanted([str(tmp_path / "broken.py")], ["broken", "ray_traced"], regimes=["contact"], severity=1.0)

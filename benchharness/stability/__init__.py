@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from benchharness import cache, folder, platform, plugins, results
+from benchharness import cache, folder, platform, results
 
 if TYPE_CHECKING:
     from benchharness.stability.children import Done, Place
@@ -119,12 +119,11 @@ def _ended(made: Sequence[_Study], place: Path) -> Outcome:
 
 def _depends(planned: Plan, groups: Groups) -> dict[str, Any]:
     """What the rows depend on: the work, the methods, the sources of the scenes, and the machine."""
-    from benchharness.stability import children, film
+    from benchharness.stability import children
 
     environment = results.environment(children.VARIANT)
     files = [file for root in importlib.import_module("scenes").__path__ for file in sorted(Path(root).rglob("*.py"))]
-    sources = [source for name in groups.get("motion", {}) if (source := film.spec(name).source) is not None]
-    files += map(plugins.file_of, sources)
+    files += [file for name in groups.get("motion", {}) if (file := Path(name.partition(":")[0])).suffix == ".py"]
     return {
         "work": {f"{study} {group}": results.short_hash(units) for study in groups for group, units in groups[study].items()},
         "methods": {entry.key: entry.method_hash for entry in planned.entries},

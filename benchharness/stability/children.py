@@ -152,36 +152,22 @@ def _child(
         assert child.stdin and child.stdout
         brood.add(child)
         try:
-            said = _heard(child, timeout_s, left, tell)
-            if said is not None or not left:
-                return said
-            quoted = log.read_text(errors="replace").strip()[-200:]
-            return {"status": "crashed", "reason": f"the process ended with {processes.cause(child.wait())}: {quoted}"}
-        finally:
-            brood.remove(child)
-            child.kill()
-            child.wait()
-            child.stdin.close()
-
-
-def _heard(
-    child: subprocess.Popen, timeout_s: float, left: list[tuple[Place, dict]], tell: Callable[[Done], None]
-) -> dict | None:
-    """Tells what a child did until it ends, and takes it from what is left. Returns what to say of the next unit where the
-    child says nothing for too long, or what nobody understands."""
-    assert child.stdout is not None
-    lines = processes.Lines(child.stdout)
-    while left:
-        try:
-            said = lines.next(timeout_s)
+            lines = processes.Lines(child.stdout)
+            while (said := lines.next(timeout_s)) is not None:
+                tell(Done(*left.pop(0), said["record"], said["pictures"]))
+            if not left:
+                return None
+            return {
+                "status": "crashed",
+                "reason": f"the process ended with {processes.cause(child.wait())}: {processes.tail(log)}",
+            }
         except TimeoutError:
             return {"status": "timeout", "reason": f"no answer for {timeout_s:g} s"}
         except ValueError as error:
             return {"status": "crashed", "reason": str(error)}
-        if said is None:
-            return None
-        tell(Done(*left.pop(0), said["record"], said["pictures"]))
-    return None
+        finally:
+            brood.remove(child)
+            processes.end(child)
 
 
 def _work(file: str) -> None:
