@@ -241,7 +241,6 @@ def _setting(config: Config, place: Path, environment: str, bench: str) -> super
         "config": config.name,
         "variant": run.variant,
         "reference_lighting": reference["lighting"],
-        "reference_spp": reference["spp"],
         "config_hash": config.config_hash,
         "environment": environment,
     }
