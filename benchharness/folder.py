@@ -29,7 +29,7 @@ RUNS = Path("results") / "runs"
 PLAN, LOCK, JOURNAL, IMAGES = "run.json", "lock", "journal.jsonl", "images"
 
 SEAL = re.compile(rb', "sum": "([0-9a-f]{8})"}$')
-"""The end of a journal's line: the CRC-32 of the line without it."""
+"""The end of a journal's line: the CRC-32 of this and all lines before it, without their ends."""
 
 
 class Incomparable(Exception):
@@ -133,23 +133,34 @@ def _difference(before: Any, now: Any) -> str:
 
 
 class Journal:
-    """Lines of JSON, each on the disk when `append` returns. A last line that a crash cut short is cut away."""
+    """Lines of JSON, each on the disk when `append` returns. A last line that a crash cut short is cut away.
+
+    Each line is sealed with a checksum of itself and all lines before it, so that none can change, go or come in between.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self._known = 0, 0  # size of the file, and the checksum of all its lines
         if path.exists():
             os.truncate(path, path.read_bytes().rfind(b"\n") + 1)
 
     def lines(self) -> list[dict]:
         """All lines. Raises ValueError for one that is damaged."""
-        if not self.path.exists():
-            return []
-        found = []
-        for number, line in enumerate(self.path.read_bytes().split(b"\n")[:-1], 1):
+        found, checksum = [], 0
+        data = self.path.read_bytes() if self.path.exists() else b""
+        for number, line in enumerate(data.split(b"\n")[:-1], 1):
+            text, seal = _unsealed(line)
+            checksum = zlib.crc32(text, checksum)
             try:
-                found.append(_unsealed(line))
+                said = json.loads(text)
             except (ValueError, RecursionError) as error:
                 self.refuse(number, str(error))
+            if not isinstance(said, dict):
+                self.refuse(number, f"it is a {type(said).__name__}")
+            if seal is not None and seal != checksum:
+                self.refuse(number, "it, or a line before it, is not what was written")
+            found.append(said)
+        self._known = len(data), checksum
         return found
 
     def refuse(self, number: int, reason: str) -> NoReturn:
@@ -157,24 +168,22 @@ class Journal:
         raise ValueError(f"{self.path}: line {number} is damaged ({reason}); accepted: a new run") from None
 
     def append(self, line: Mapping[str, Any]) -> None:
+        if self.path.exists() and self.path.stat().st_size != self._known[0]:
+            self.lines()
         text = json.dumps(line).encode()
+        checksum = zlib.crc32(text, self._known[1])
+        data = text[:-1] + f', "sum": "{checksum:08x}"}}\n'.encode()
         with open(self.path, "ab") as stream:
-            stream.write(text[:-1] + f', "sum": "{zlib.crc32(text):08x}"}}\n'.encode())
+            stream.write(data)
             stream.flush()
             os.fsync(stream.fileno())
+        self._known = self._known[0] + len(data), checksum
 
 
-def _unsealed(line: bytes) -> dict:
-    """What was appended. Raises ValueError where that is not what stands there; a line without a seal is taken as it is."""
+def _unsealed(line: bytes) -> tuple[bytes, int | None]:
+    """What was appended, and its checksum; None for a line that has none."""
     seal = SEAL.search(line)
-    if seal is not None:
-        line = line[: seal.start()] + b"}"
-        if zlib.crc32(line) != int(seal[1], 16):
-            raise ValueError("it has another checksum")
-    found = json.loads(line)
-    if not isinstance(found, dict):
-        raise ValueError(f"it is a {type(found).__name__}")
-    return found
+    return (line, None) if seal is None else (line[: seal.start()] + b"}", int(seal[1], 16))
 
 
 @dataclass(frozen=True)

@@ -98,6 +98,7 @@ def test_a_journal_says_what_was_appended_or_that_it_is_damaged(tmp_path):
             continue
         for line in found:  # but for a seal that is no longer recognised, which is one more key
             assert {key: value for key, value in line.items() if key in ("job", "out", "frame", *lines[0], *lines[1])} in lines
+        assert [line.get("frame") for line in found] == [None, 0, 1, 2, 3][: len(found)]
     assert refused > 1000
 
 
