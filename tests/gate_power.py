@@ -73,7 +73,7 @@ class Mine(Method):
 '''
 METHOD = METHOD.replace("def shade", "@dr.syntax\n    def shade")
 
-SIDES = {"base": 20_000, "again": 20_000, "slower": 22_000}
+SIDES = {"base": 400, "again": 400, "slower": 440}
 """Steps of the kernel."""
 FALSE_ALARMS, TRIES = 20, 10
 
@@ -156,6 +156,18 @@ def power(tables: dict[str, list[times.Table]], runs: int) -> Power:
     return Power(runs, sum(map(bool, alarms)), sum("mine" in f for f in found), sum(bool(f - {"mine"}) for f in found))
 
 
+def spreads(tables: dict[str, list[times.Table]]) -> dict[str, tuple[float, float]]:
+    """Standard deviation, of the log, between runs of unchanged code: with and without drift, the median over methods."""
+    sides = tables["base"], tables["again"]
+    keys = list(sides[0][0])
+    raw = dict(times._series(*sides, keys, calibrated=False))
+    steady = times._without_drift(raw, times._unchanged(*sides, keys))
+    found: dict[str, list[tuple[float, float]]] = {}
+    for key, values in raw.items():
+        found.setdefault(key[-1], []).append((float(values.std(ddof=1)), float(steady[key].std(ddof=1))))
+    return {clock: tuple(np.median(pairs, axis=0).tolist()) for clock, pairs in found.items()}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=10)
@@ -167,6 +179,8 @@ def main() -> None:
     with load(asked.load):
         make(folder, asked.runs)
     print(f"{folder}: {time.monotonic() - start:.0f} s; load now {os.getloadavg()[0]:.1f}")
+    for clock, (raw, steady) in spreads(read(folder)).items():
+        print(f"{clock}: a method varies between runs by {100 * raw:.1f} %, beside the drift by {100 * steady:.1f} %")
     for new in ("again", "slower"):
         print(compare.render(compare.compare(folder / "runs" / "base", folder / "runs" / new, fail_on_time=True)))
     tables = read(folder)

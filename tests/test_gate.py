@@ -1,4 +1,4 @@
-"""The gate on times, with real runs on this machine."""
+"""The gate on times, with real runs on this machine, which has to be as quiet as one that is gated on."""
 
 from __future__ import annotations
 
