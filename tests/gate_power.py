@@ -69,7 +69,7 @@ class Mine(Method):
         while dr.hint(step < STEPS, label="work"):
             x = dr.fma(x, state, 0.001)
             step += 1
-        return Reflection(mi.Color3f(dr.abs(x)), dr.full(mi.Float, 10.0, dr.width(x)), found=frame.active), state
+        return Reflection(mi.Color3f(dr.abs(wo.z) + 1e-12 * x), dr.full(mi.Float, 10.0, dr.width(x)), found=frame.active), state
 '''
 METHOD = METHOD.replace("def shade", "@dr.syntax\n    def shade")
 
