@@ -1,8 +1,8 @@
 """The cache: arrays that are expensive to make, filed under a hash of everything they were made from.
 
-An entry is one .npz file, `<folder>/<kind>/<key>.npz`: the arrays, and a checksum of their names, types, shapes and content and
-of the entry's own kind and key. The folder is the user's cache folder of the platform, or what
-the environment variable BENCHHARNESS_CACHE names. An entry is written under a temporary name and then renamed, so that
+An entry is one .npz file, `<folder>/<FORMAT>/<kind>/<key>.npz`: the arrays, and a checksum of their names, types, shapes and
+content and of the entry's own kind and key. The folder is the user's cache folder of the platform, or what the environment
+variable BENCHHARNESS_CACHE names. An entry is written under a temporary name and then renamed, so that
 a crash leaves either the whole entry or none. An entry that cannot be read, or is not what was written, is made again, with
 a warning in the log.
 Entries never expire: the key changes when anything that matters does, the source code that makes them included.
@@ -25,6 +25,8 @@ log = logging.getLogger("benchharness")
 
 Arrays = dict[str, np.ndarray]
 
+FORMAT = "2"
+"""Of entries. Another one's are not touched, so that two versions can be run beside each other."""
 CHECKSUM = "checksum"
 """Name of the array of an entry that is none of those which were filed."""
 
@@ -32,7 +34,7 @@ CHECKSUM = "checksum"
 def cache_folder() -> Path:
     """Where entries live; not necessarily there yet."""
     named = os.environ.get("BENCHHARNESS_CACHE")
-    return Path(named).expanduser() if named else Path(platformdirs.user_cache_dir("benchharness"))
+    return (Path(named).expanduser() if named else Path(platformdirs.user_cache_dir("benchharness"))) / FORMAT
 
 
 def content_hash(*content) -> str:
