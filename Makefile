@@ -1,14 +1,17 @@
-# `make bench`: install and run the main job.  `make test`, `make check`, `make speed`: what they say.
+# `make bench`: install and run the main job.  `make test`, `make test-all`, `make check`, `make speed`: what they say.
 PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin/python -m
 
-.PHONY: bench test check speed clean
+.PHONY: bench test test-all check speed clean
 
 bench: $(VENV)/ready
 	$(RUN) benchharness.cli run configs/kitchen-quick.toml
 
 test: $(VENV)/ready-dev
+	$(RUN) pytest -q -m "not exhaustive"
+
+test-all: $(VENV)/ready-dev
 	$(RUN) pytest -q
 
 check: $(VENV)/ready-dev

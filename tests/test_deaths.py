@@ -190,7 +190,7 @@ def test_a_run_whose_worker_is_killed_goes_on_and_has_the_rows_of_an_undisturbed
     killed_at(tmp_path, "worker", "SIGINT", 1.9, undisturbed)
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", ["SIGKILL", "SIGTERM", "SIGINT"])
 @pytest.mark.parametrize("whom", ["main", "worker"])
 def test_kills_at_twenty_random_moments(tmp_path, undisturbed, whom, name):

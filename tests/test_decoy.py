@@ -118,7 +118,7 @@ def test_a_run_works_beside_a_decoy(surroundings, tmp_path):
     assert "frame 0: 1 ok" in said
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_the_stability_suite_works_beside_a_decoy(surroundings, tmp_path):
     arguments = ["--only", "ray_traced", "--regime", "contact", "--severity", "1", "--out", tmp_path / "out"]
     assert "contact: 1" in command(surroundings, "stability", *arguments)

@@ -6,7 +6,7 @@ import gate_power
 import pytest
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_unchanged_code_passes_and_a_kernel_that_is_a_tenth_slower_is_found(tmp_path):
     gate_power.make(tmp_path, 10)
     found = gate_power.power(gate_power.read(tmp_path), 10)

@@ -173,7 +173,7 @@ def command(*arguments: object) -> subprocess.CompletedProcess:
     return subprocess.run([sys.executable, "-c", line, *map(str, arguments)], capture_output=True, text=True, env=env)
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("plugin", PLUGINS, ids=lambda plugin: plugin.name)
 def test_a_run_with_a_hostile_plugin_is_exit_code_two_and_leaves_nothing_behind(tmp_path, plugin):
     path = study.write(tmp_path, '["a"]')
