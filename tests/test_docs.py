@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchharness import platform
+from benchharness.report import columns
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -46,6 +47,10 @@ def test_entries_that_regimes_cite_are_in_the_catalogue():
     }
     assert len(cited) > 40
     assert sorted(cited - said) == []
+
+
+def test_the_page_of_columns_is_what_the_table_says():
+    assert (ROOT / "docs" / "columns.md").read_text() == columns.markdown()
 
 
 def test_the_readme_is_read_in_five_minutes():

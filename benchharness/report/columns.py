@@ -104,3 +104,18 @@ STATUSES = {
     "timeout": "it did not end in time",
     "crashed": "it raised an error or ended its process",
 }
+
+
+def markdown() -> str:
+    """docs/columns.md: `python -m benchharness.report.columns > docs/columns.md`."""
+    rows = [
+        f"| `{c.name}` | {c.title} | {c.unit} | {c.better} | {c.meaning.replace('|', '&#124;')} |" for c in COLUMNS.values()
+    ]
+    statuses = [f"| `{name}` | {meaning} |" for name, meaning in STATUSES.items()]
+    head = "# Columns\n\nOf `results.csv` and `summary.csv`, as the report shows them. An empty cell has no meaning for that method; it is not 0."
+    table = "| column | in the report | unit | better | what it says |\n|---|---|---|---|---|"
+    return "\n".join([head, "", table, *rows, "", "| status | |", "|---|---|", *statuses, ""])
+
+
+if __name__ == "__main__":
+    print(markdown(), end="")
