@@ -112,8 +112,8 @@ def markdown() -> str:
         f"| `{c.name}` | {c.title} | {c.unit} | {c.better} | {c.meaning.replace('|', '&#124;')} |" for c in COLUMNS.values()
     ]
     statuses = [f"| `{name}` | {meaning} |" for name, meaning in STATUSES.items()]
-    head = "# Columns\n\nOf `results.csv` and `summary.csv`, as the report shows them. An empty cell has no meaning for that method; "
-    head += "it is not 0."
+    head = "# Columns\n\nOf `results.csv` and `summary.csv`, as the report shows them. "
+    head += "An empty cell has no meaning for that method; it is not 0."
     table = "| column | in the report | unit | better | what it says |\n|---|---|---|---|---|"
     return "\n".join([head, "", table, *rows, "", "| status | |", "|---|---|", *statuses, ""])
 
