@@ -12,17 +12,13 @@ from benchharness import results
 RUNS = Path("results") / "runs"
 
 
-class Incomparable(Exception):
-    """As of `benchharness.runner`."""
-
-
-def load(path: Path, extra: list[str], only: list[str]) -> Path:
+def load(path: Path, extra: list[str], only: list[str], tell: object) -> Path:
     if not path.is_file():
         raise ValueError(f"{path}: there is no such config")
     return path
 
 
-def run(study: Path, out: Path | None, listener: object, *, resume: bool, cluster: str | None) -> tuple[int, Path]:
+def run(study: Path, out: Path | None, listener: object, *, resume: bool, yes: bool, cluster: str | None) -> tuple[int, Path]:
     """Three frames of two methods, with the status that the environment asks for."""
     status = os.environ.get("QUICK_STATUS", "ok")
     folder = out or RUNS / study.stem
@@ -53,7 +49,7 @@ def command(folder: Path) -> Path:
 def main(file: str) -> None:
     replaced("config", load=load, Job=object)
     replaced("plugins", absolute=lambda spec, base: str(base / spec))
-    replaced("runner", run=run, RUNS=RUNS, Incomparable=Incomparable)
+    replaced("runner", run=run)
     from benchharness import cli, rerun
 
     rerun.CLI = (file,)

@@ -188,5 +188,5 @@ def test_a_new_method_is_never_written_over_a_file(tmp_path):
     with pytest.raises(ValueError, match=r"my_sky\.py exists"):
         template.new_method("my_sky", tmp_path)
     for name in ("My", "a-b", "2x", "../x"):
-        with pytest.raises(ValueError, match="is no name; accepted: small letters"):
+        with pytest.raises(ValueError, match="is no name; accepted: up to 64 small letters"):
             template.new_method(name, tmp_path)
