@@ -60,7 +60,9 @@ def undisturbed(tmp_path_factory):
     "moments",
     [
         ["prepare", "method 0", "pictures 2"],
-        pytest.param(["ready", "before 0", "method 2", "pictures 2", "after 2", "method 4", "after 4"], marks=pytest.mark.slow),
+        pytest.param(
+            ["ready", "before 0", "method 2", "pictures 2", "after 2", "method 4", "after 4"], marks=pytest.mark.exhaustive
+        ),
     ],
 )
 def test_a_worker_that_is_killed_at_any_moment_costs_nothing(tmp_path, undisturbed, moments):

@@ -66,7 +66,7 @@ def test_the_decoy_is_what_dr_jit_takes_where_nobody_says_otherwise(surroundings
     [
         "benchharness.api",
         "methods.newton",
-        *(pytest.param(name, marks=pytest.mark.slow) for name in ("scenes.kitchen", "benchharness.speed.stage")),
+        *(pytest.param(name, marks=pytest.mark.exhaustive) for name in ("scenes.kitchen", "benchharness.speed.stage")),
     ],
 )
 def test_whichever_module_is_first_the_wheels_llvm_is_loaded(surroundings, module):
@@ -99,7 +99,7 @@ def test_doctor_works_beside_a_decoy_and_tries_all_that_a_study_needs(surroundin
         assert f"{part}: works: " in said
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_list_works_beside_a_decoy(surroundings):
     said = command(surroundings, "list")
     assert "BROKEN" not in said

@@ -47,7 +47,7 @@ def test_there_are_fifty_of_them():
 def tier(plugin: hostile_plugins.Plugin) -> object:
     """What costs a process is exhaustive but for one of each kind."""
     dear = plugin.deadly and plugin.name.endswith("_when_built") and not plugin.name.startswith("leaves_when")
-    return pytest.param(plugin, marks=[pytest.mark.slow] if dear or plugin.name.startswith("sleeps") else [])
+    return pytest.param(plugin, marks=[pytest.mark.exhaustive] if dear or plugin.name.startswith("sleeps") else [])
 
 
 @pytest.mark.parametrize("plugin", [tier(plugin) for plugin in PLUGINS], ids=[plugin.name for plugin in PLUGINS])
@@ -106,7 +106,7 @@ def test_an_installed_plugin_that_leaves_is_listed_as_broken_and_the_others_go_o
     ("deed", "says"),
     [
         ("__import__('os')._exit(0)", "ended with exit code 0"),
-        pytest.param("[0 for _ in iter(int, 1)]", "within 3 s", marks=pytest.mark.slow),
+        pytest.param("[0 for _ in iter(int, 1)]", "within 3 s", marks=pytest.mark.exhaustive),
     ],
 )
 def test_a_scene_that_ends_its_process_or_never_ends_is_an_error(tmp_path, deed, says):
