@@ -253,7 +253,7 @@ def said(error: BaseException) -> str:
     try:
         return f"{type(error).__name__}: {error}".strip().removesuffix(":")
     except BaseException as second:
-        return f"{type(error).__name__}, which cannot say why: {type(second).__name__}"
+        return f"{type(error).__name__}: it cannot say why ({type(second).__name__})"
 
 
 def _class_of(module: ModuleType, name: str, attribute: str | None) -> type[Method]:

@@ -285,7 +285,7 @@ def test_pictures_are_written_and_come_out_the_same_twice(tmp_path):
         ("vertices", "TypeError: vertices is str; accepted: Vertices, or None"),
         ("nothing", "TypeError: shade returns None; accepted: a Reflection and the next state"),
         ("exit", "SystemExit: 0"),
-        ("speechless", "Speechless, which cannot say why: RuntimeError"),
+        ("speechless", "Speechless: it cannot say why (RuntimeError)"),
     ],
 )
 def test_a_method_that_raises_is_a_crashed_record_and_the_others_are_measured(fault, reason, capfd, tmp_path):
