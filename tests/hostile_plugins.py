@@ -44,7 +44,7 @@ MISDEEDS = {
     "presses_ctrl_c": ("raise KeyboardInterrupt", "KeyboardInterrupt"),
     "exits": ("sys.exit(0)", "SystemExit: 0"),
     "raises": ("raise RuntimeError('no device')", "RuntimeError: no device"),
-    "is_mute": ("raise Mute", "Mute: it cannot say why (RuntimeError)"),
+    "is_mute": ("raise Mute", "Mute: it cannot say why"),
     "recurses": ("f = lambda: f(); f()", "RecursionError"),
     "says_two_megabytes": ("raise ValueError('long' * 500_000)", r"long \.\.\. \(2,000,0\d\d characters\)|longlong"),
     "says_surrogates": ("raise ValueError('half \\ud800 pair')", "half \ufffd pair"),
