@@ -89,19 +89,19 @@ def _heard(child: subprocess.Popen[bytes], found: list[Finding]) -> str | None:
 
 def findings(plugin: plugins.Plugin, renderer: Renderer) -> Iterator[Finding]:
     """Checks in this process, one after the other, until one makes the rest meaningless."""
+    from benchharness import contract
+
     cls = plugin.target
     yield from _documented(cls)
     try:
         method = cls()
-    except Exception as error:
-        yield Finding("fail", f"it cannot be made with its default parameters: {type(error).__name__}: {error}")
+    except Exception as error:  # whatever a plugin may raise
+        yield Finding("fail", f"it cannot be made with its default parameters: {contract.account(error)}")
         return
     scene = tiny_scene()
-    from benchharness import contract
-
     try:
         refusal = contract.refusal(method, scene)
-    except Exception as error:
+    except Exception as error:  # whatever a plugin may raise
         yield Finding("fail", f"refuses: {contract.account(error)}")
         return
     if refusal is not None:

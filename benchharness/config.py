@@ -140,7 +140,7 @@ class SceneSpec:
         keywords = {name: declared[name].value(given, f"{self.where}.{name}") for name, given in self.keywords.items()}
         try:
             scene = builder(**keywords)
-        except Exception as error:
+        except Exception as error:  # whatever a builder may raise
             raise ValueError(f"{self.where}: the scene cannot be built: {plugins.said(error)}") from error
         if not isinstance(scene, Scene):
             raise ValueError(f"{self.where}: the builder returned {type(scene).__name__}; accepted: a Scene")

@@ -106,7 +106,7 @@ def of_builder(builder: Callable) -> dict[str, Parameter]:
 def _hints(owner: Any) -> dict[str, Any]:
     try:
         return typing.get_type_hints(owner, include_extras=True)
-    except Exception as error:
+    except Exception as error:  # annotations are code, which may raise anything
         raise ValueError(
             f"the annotations of {owner.__name__} cannot be read: {plugins.said(error)}; accepted: names that its module has"
         ) from None

@@ -71,11 +71,11 @@ class Lines:
         return clean(said)
 
 
-def start(module: str, *arguments: str, log: IO[bytes]) -> subprocess.Popen[bytes]:
-    """`python -m module`, in a session of its own; stdin and stdout are pipes. End it with `end`."""
+def start(module: str, *arguments: str, log: IO[bytes], **environment: str) -> subprocess.Popen[bytes]:
+    """`python -m module`, in a session of its own and an environment of ours; stdin and stdout are pipes. End it with `end`."""
     return subprocess.Popen(
         [sys.executable, "-P", "-m", module, *arguments],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, env=surroundings(), start_new_session=True,
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, env=surroundings() | environment, start_new_session=True,
     )  # fmt: skip
 
 
@@ -92,9 +92,14 @@ def end(process: subprocess.Popen[bytes]) -> None:
         process.stdin.close()
 
 
+def search_path() -> tuple[str, ...]:
+    """The folders that we import from, whatever the working folder becomes."""
+    return tuple(entry or os.getcwd() for entry in sys.path)
+
+
 def surroundings() -> dict[str, str]:
     """The environment of a child that imports what we import."""
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(entry or os.getcwd() for entry in sys.path)}
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(search_path())}
 
 
 def cause(code: int) -> str:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchharness import results
+from benchharness import processes, results
 
 BASE, NEW, WARM_UP = "base", "new", "warm-up"
 INCOMPLETE = 3
@@ -60,7 +60,7 @@ class Installation:
 
 def here() -> Installation:
     """This one."""
-    return Installation(sys.executable, tuple(entry or os.getcwd() for entry in sys.path), Path.cwd())
+    return Installation(sys.executable, processes.search_path(), Path.cwd())
 
 
 def installation(against: Path | None) -> Installation:

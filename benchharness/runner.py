@@ -20,7 +20,6 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from benchharness import estimate, folder, platform, results, supervisor
 from benchharness.config import Config, Job
-from benchharness.folder import Incomparable as Incomparable
 from benchharness.folder import Journal
 
 BENCH = "benchharness.measure:Bench"

@@ -184,7 +184,7 @@ def test_a_killed_run_takes_its_worker_along_and_resumes_to_the_rows_of_an_undis
     # The method is mended by letting it sleep no longer; the hash of its file is what it was in `undisturbed`.
     plan = json.loads((out / "run.json").read_text())
     (tmp_path / "actor.py").write_text(study.METHOD.replace("time.sleep(600)", "time.sleep(0)"))
-    with pytest.raises(runner.Incomparable, match="methods: 'actor behaviour=a; size=1' changed"):
+    with pytest.raises(runner.folder.Incomparable, match="methods: 'actor behaviour=a; size=1' changed"):
         run(path, out, resume=True)
     mended = config.load(path)
     (out / "run.json").write_text(json.dumps({**plan, "methods": mended.method_hashes}))
@@ -220,7 +220,7 @@ def test_a_folder_that_is_in_use_or_cannot_be_written_is_refused_before_any_work
         runner.run(study_, tmp_path / "used", Ear(), bench="study:Bench")
     with pytest.raises(ValueError, match="holds no run"):
         runner.run(study_, tmp_path / "foreign", Ear(), resume=True, bench="study:Bench")
-    with pytest.raises(runner.Incomparable, match="config_hash"):
+    with pytest.raises(runner.folder.Incomparable, match="config_hash"):
         runner.run(study_, tmp_path / "used", Ear(), resume=True, bench="study:Bench")
     assert not (tmp_path / "benches").exists()
 

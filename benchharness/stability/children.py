@@ -144,12 +144,8 @@ def _child(
         file, log = Path(own) / "job.json", Path(own) / "log"
         file.write_text(json.dumps(job), encoding="utf-8")
         with open(log, "wb") as stream:
-            env = processes.surroundings() | {"OMP_NUM_THREADS": str(threads)}
-            child = subprocess.Popen(
-                [sys.executable, "-P", "-m", "benchharness.stability.children", str(file)], env=env,
-                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=stream, start_new_session=True,
-            )  # fmt: skip
-        assert child.stdin and child.stdout
+            child = processes.start("benchharness.stability.children", str(file), log=stream, OMP_NUM_THREADS=str(threads))
+        assert child.stdout is not None
         brood.add(child)
         try:
             lines = processes.Lines(child.stdout)
