@@ -6,7 +6,7 @@ RUN := $(VENV)/bin/python -m
 .PHONY: bench test test-all check speed clean
 
 bench: $(VENV)/ready
-	$(RUN) benchharness.cli run configs/kitchen-quick.toml
+	$(RUN) benchharness run configs/kitchen-quick.toml
 
 test: $(VENV)/ready-dev
 	$(RUN) pytest -q -m "not exhaustive"
@@ -20,7 +20,7 @@ check: $(VENV)/ready-dev
 	$(VENV)/bin/pyright
 
 speed: $(VENV)/ready
-	$(RUN) benchharness.cli speed
+	$(RUN) benchharness speed
 
 clean:
 	rm -rf $(VENV) build *.egg-info

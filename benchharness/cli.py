@@ -63,15 +63,18 @@ def run(
     """Render, measure and report a study."""
 
     def action() -> int:
-        from benchharness import config as configs
-        from benchharness import plugins, progress, results, runner
+        from benchharness import report
+        from benchharness.execution import progress, runner
+        from benchharness.study import config as configs
+        from benchharness.study import plugins
+        from benchharness.tables import results
 
         console = Console()
         with progress.listener(console) as listener:
             study = configs.load(config, plugin or (), only or (), listener.note)
             code, folder = runner.run(study, out, listener, resume=resume, yes=yes, cluster=cluster)
         results.write_command(folder, config, [plugins.absolute(spec, Path.cwd()) for spec in plugin or ()])
-        print(folder / "report.html")
+        print(report.write(folder))
         return code
 
     _exit(action)
@@ -98,10 +101,11 @@ def stability(
 
     def action() -> int:
         from benchharness import stability
+        from benchharness.report import matrix
 
         wanted = stability.Wanted(plugin or (), only or (), study or (), regime or (), severity, scene or ())
         outcome = stability.run(out, config, wanted, resume=resume, yes=yes)
-        print(f"{outcome.page}: {outcome.silent} rows fail silently")
+        print(f"{matrix.write(outcome.folder)}: {outcome.silent} rows fail silently")
         return outcome.code
 
     _exit(action)
@@ -122,7 +126,7 @@ def speed(
     """Time the harness's own stages and whole frames against Embree and llvmpipe."""
 
     def action() -> int:
-        from benchharness import folder
+        from benchharness.execution import folder
         from benchharness.speed import sitting
 
         place = out or folder.stamped("speed")
@@ -157,10 +161,10 @@ def compare(
     """Say whether a change made it better or worse. Exit code 1 for a regression, 4 if it cannot be said."""
 
     def action() -> int:
-        from benchharness import compare
+        from benchharness.tables import compare
 
         if format not in compare.FORMATS:
-            from benchharness import plugins
+            from benchharness.study import plugins
 
             raise ValueError(f"--format: {plugins.unknown(format, compare.FORMATS)}")
         verdict = compare.compare(base, new, fail_on_time=fail_on_time)
@@ -187,7 +191,8 @@ def rerun(
     """Run a study of two installations in turns, and say which is slower: exit code 1 if this one is, without doubt."""
 
     def action() -> int:
-        from benchharness import compare, folder, rerun
+        from benchharness.execution import folder, rerun
+        from benchharness.tables import compare
 
         options = [word for name in only or () for word in ("--only", name)]
         options += [word for spec in plugin or () for word in ("--plugin", spec)]
@@ -213,7 +218,7 @@ def accept(
     """Make a run the baseline of its config."""
 
     def action() -> int:
-        from benchharness import compare
+        from benchharness.tables import compare
 
         print(compare.accept(run, baselines, because, replaces=replace))
         return FINE
@@ -228,7 +233,7 @@ def list_(
     """Show what there is to run, and with which parameters."""
 
     def action() -> int:
-        from benchharness import listing, plugins
+        from benchharness.study import listing, plugins
 
         if what is not None and what not in listing.KINDS:
             raise ValueError(f"list: {plugins.unknown(what, listing.KINDS)}")
@@ -247,7 +252,7 @@ def new_method(name: Annotated[str, typer.Argument(help="such as my_method")]) -
     """Write a small method that runs, as a start."""
 
     def action() -> int:
-        from benchharness import template
+        from benchharness.study import template
 
         path = template.new_method(name, Path())
         print(f"{path}\nbenchharness check-method {path}\nbenchharness run CONFIG --plugin {path}")
@@ -261,7 +266,7 @@ def check_method(file: Annotated[str, typer.Argument(metavar="FILE[:NAME]")]) ->
     """See whether a method keeps its contract. Exit code 2 if it does not."""
 
     def action() -> int:
-        from benchharness import check
+        from benchharness.execution import check
 
         found = check.check(file)
         for finding in found:
@@ -276,7 +281,7 @@ def doctor() -> None:
     """Try every variant on this machine, and say how to mend what does not work."""
 
     def action() -> int:
-        from benchharness import doctor
+        from benchharness.execution import doctor
 
         diagnoses = doctor.examine()
         for diagnosis in diagnoses:
@@ -317,7 +322,7 @@ def _exit(action: Callable[[], int]) -> NoReturn:
 
 
 def _code(action: Callable[[], int]) -> int:
-    from benchharness.folder import Incomparable
+    from benchharness.execution.folder import Incomparable
 
     try:
         return action()

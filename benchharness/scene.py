@@ -6,7 +6,7 @@ float64 NumPy on the host, right-handed, z up, in metres and seconds; radiance a
 Surfaces are diffuse, one-sided in spirit and two-sided in effect: a mesh whose back can be seen should be closed.
 Light comes from objects that emit (``Mesh.emission``), from ``Scene.lights`` and from the surroundings at infinity, one
 colour (``Scene.background``) or a panorama (``Scene.environment``). What a surface sends back is not stored by the author
-but baked (``benchharness.bake``) into ``Mesh.radiance``, so that every method sees the same light. Only highlights, of
+but baked (``benchharness.render.bake``) into ``Mesh.radiance``, so that every method sees the same light. Only highlights, of
 point lights on objects with ``Gloss``, depend on where one looks from.
 """
 
@@ -18,9 +18,9 @@ from functools import cached_property
 
 import numpy as np
 
-from benchharness.panorama import Environment as Environment
-from benchharness.panorama import read_only
-from benchharness.subdivision import split_edges
+from benchharness.modelling.panorama import Environment as Environment
+from benchharness.modelling.panorama import read_only
+from benchharness.modelling.subdivision import split_edges
 
 Motion = Callable[[float], np.ndarray]
 """Time in seconds -> rigid pose, float64 [4, 4], object to world."""
@@ -302,7 +302,7 @@ class Scene:
     lights      point lights; ValueError for more than MOST_LIGHTS
     unit        metres that a unit of length of this scene stands for, and
     origin      [3] where its origin is, in metres of the author's scene: other than 1 and 0 only where the harness moved it
-                (`benchharness.normalisation`)
+                (`benchharness.render.normalisation`)
     """
 
     name: str
@@ -371,7 +371,7 @@ class Scene:
     def enclosed(self) -> tuple[bool, ...]:
         """Per reflector whether it stands wholly within walls, in all frames: the surroundings are nothing that it reflects.
         Found once per scene, in some tens of milliseconds; waits for the device."""
-        from benchharness import enclosure
+        from benchharness.kernels import enclosure
 
         return enclosure.enclosed(self)
 

@@ -24,7 +24,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection
-from benchharness.kernels import bounces, imagewise, roles
+from benchharness.kernels.images import bounces, imagewise, roles
 from benchharness.scene import Scene
 
 

@@ -26,7 +26,7 @@ import numpy as np
 from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection
-from benchharness.kernels import bounces, imagewise, roles
+from benchharness.kernels.images import bounces, imagewise, roles
 from benchharness.scene import Scene
 
 

@@ -40,8 +40,9 @@ import mitsuba as mi
 from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection, Vertices, View
-from benchharness.kernels import branches, newton, optics, placement, search, several, vertexwise, virtual
+from benchharness.kernels import optics, placement
 from benchharness.kernels.frozen import frozen
+from benchharness.kernels.vertices import branches, newton, search, several, vertexwise, virtual
 from benchharness.scene import Reflector, Scene
 
 COLD = 0xFFFF_FFFF

@@ -45,19 +45,9 @@ import numpy as np
 from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection, Vertices, View
-from benchharness.kernels import (
-    branches,
-    newton,
-    optics,
-    placement,
-    search,
-    secant,
-    several,
-    starmap,
-    vertexwise,
-    virtual,
-)
+from benchharness.kernels import optics, placement
 from benchharness.kernels.frozen import frozen
+from benchharness.kernels.vertices import branches, newton, search, secant, several, starmap, vertexwise, virtual
 from benchharness.scene import Mesh, Reflector, Scene
 
 WIDENING = 1.25  # of tan(fov / 2), of the mirror's picture whose planes "emdt_mirror" mirrors in

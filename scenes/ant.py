@@ -1,7 +1,7 @@
 """Four large ants around lumps of sugar, among cans on a picnic cloth: their eight eyes are the mirrors.
 
 The eyes are closed, convex and small, many at once, and grow out of heads that they mirror where they touch them; what
-they show is mostly cans, whose labels are strips as long as the can. (`scenes.insects`, `scenes.picnic`.)
+they show is mostly cans, whose labels are strips as long as the can. (`scenes.props.insects`, `scenes.props.picnic`.)
 
 Two details of the same scene. `paper` has as many vertices as the ants of Estalella et al. 2006: 14,859 as built and
 30,153 after `refined` (14,969 and 30,133 here). `lean` is what the picture needs: 10,400 and 12,500, a quarter of it eyes.
@@ -18,9 +18,10 @@ import numpy as np
 import trimesh
 
 from benchharness.scene import Camera, Mesh, Motion, Object, Reflector, Scene, merged
-from scenes import insects, picnic
-from scenes.insects import Fineness
-from scenes.shapes import Colour, gently, mixed, placed, pose, way_to
+
+from .props import insects, picnic
+from .props.insects import Fineness
+from .props.shapes import Colour, gently, mixed, placed, pose, way_to
 
 DetailName = Literal["lean", "paper"]
 EYES = 8

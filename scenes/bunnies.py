@@ -20,9 +20,11 @@ from typing import Literal, get_args
 import numpy as np
 
 from benchharness.scene import Environment, Mesh, Object, Reflector, Scene
-from scenes import creature, meadow
-from scenes.courtyard import METALS
-from scenes.shapes import Orbit, from_rest_to_rest, mixed, placed, pose, tiles, way_to
+
+from .panoramas import meadow
+from .props import creature
+from .props.courtyard import METALS
+from .props.shapes import Orbit, from_rest_to_rest, mixed, placed, pose, tiles, way_to
 
 DetailName = Literal["lean", "paper"]
 

@@ -25,9 +25,10 @@ from typing import Literal, get_args
 import numpy as np
 
 from benchharness.scene import Camera, Gloss, Mesh, Object, PointLight, Scene, merged
-from scenes import kettle_body, kettle_figure, kettle_room, kitchen_room, kitchenware
-from scenes.kettle_room import CLOTH, HEIGHT
-from scenes.shapes import Colour, arc, ball, gently, lathe, mixed, placed, tube, way_to
+
+from .props import kettle_body, kettle_figure, kettle_room, kitchen_room, kitchenware
+from .props.kettle_room import CLOTH, HEIGHT
+from .props.shapes import Colour, arc, ball, gently, lathe, mixed, placed, tube, way_to
 
 DetailName = Literal["lean", "paper"]
 

@@ -1,6 +1,6 @@
 """A kitchen with one large metal bowl on the table, towards which the camera moves.
 
-The bowl is the mirror (`scenes.bowls`): `convex` is an upturned bowl, seen from outside; `concave` a hemisphere seen
+The bowl is the mirror (`scenes.props.bowls`): `convex` is an upturned bowl, seen from outside; `concave` a hemisphere seen
 from inside; `torus` the outer band of a ring mould. The room has a window, a lamp and surfaces of many albedos, so that
 light, contact shadows and long straight edges can all be judged in the reflection.
 
@@ -18,8 +18,9 @@ from typing import Literal, get_args
 import numpy as np
 
 from benchharness.scene import Camera, Mesh, Motion, Object, Reflector, Scene, merged
-from scenes import bowls, kitchen_room, kitchenware
-from scenes.shapes import Colour, bar, box, contact_sheet, gently, lathe, mixed, placed, pose, tiles, way_to
+
+from .props import bowls, kitchen_room, kitchenware
+from .props.shapes import Colour, bar, box, contact_sheet, gently, lathe, mixed, placed, pose, tiles, way_to
 
 DetailName = Literal["lean", "paper"]
 BowlName = Literal["convex", "concave", "torus"]

@@ -16,8 +16,9 @@ from typing import Literal, get_args
 import numpy as np
 
 from benchharness.scene import Mesh, Reflector, Scene
-from scenes import courtyard
-from scenes.shapes import unit_sphere
+
+from .props import courtyard
+from .props.shapes import unit_sphere
 
 DetailName = Literal["lean", "paper"]
 DETAILS: dict[str, tuple[int, int]] = {"lean": (40, 21), "paper": (64, 48)}

@@ -17,10 +17,12 @@ from typing import Literal, get_args
 import numpy as np
 
 from benchharness.scene import Environment, Mesh, Object, Reflector, Scene, merged
-from scenes import angel, parlour
-from scenes.courtyard import METALS
-from scenes.pottery import Fineness, teapot
-from scenes.shapes import Orbit, box, from_rest_to_rest, mixed, placed, pose, sheet, steps
+
+from .panoramas import parlour
+from .props import angel
+from .props.courtyard import METALS
+from .props.pottery import Fineness, teapot
+from .props.shapes import Orbit, box, from_rest_to_rest, mixed, placed, pose, sheet, steps
 
 DetailName = Literal["lean", "paper"]
 

@@ -17,9 +17,10 @@ import numpy as np
 import trimesh
 
 from benchharness.scene import Mesh, Reflector, Scene
-from scenes import courtyard
-from scenes.pottery import Fineness, teapot
-from scenes.shapes import from_rest_to_rest, placed
+
+from .props import courtyard
+from .props.pottery import Fineness, teapot
+from .props.shapes import from_rest_to_rest, placed
 
 DetailName = Literal["lean", "paper"]
 DETAILS: dict[str, Fineness] = {

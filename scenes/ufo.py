@@ -1,8 +1,8 @@
 """A flying saucer lands in a city square, between houses, while trucks drive through.
 
-The saucer (`scenes.saucer`) is the mirror: closed, smooth, large in the picture and moving. Its lower side shows the
-square like a bent map: the rosette it lands on, the road with its trucks, the houses all around (`scenes.city`,
-`scenes.street`). Ground, parasols, onlookers and trucks come within a few metres of it, so that where a reflection comes
+The saucer (`scenes.props.saucer`) is the mirror: closed, smooth, large in the picture and moving. Its lower side shows the
+square like a bent map: the rosette it lands on, the road with its trucks, the houses all around (`scenes.props.city`,
+`scenes.props.street`). Ground, parasols, onlookers and trucks come within a few metres of it, so that where a reflection comes
 from matters as much as its direction.
 
 Two details of the same square. `paper` has as many vertices as the city of Estalella et al. 2006: 63,884 as built and
@@ -18,8 +18,9 @@ from typing import Literal, get_args
 import numpy as np
 
 from benchharness.scene import Camera, Mesh, Motion, Object, Scene, merged
-from scenes import city, saucer, street
-from scenes.shapes import Colour, lathe, placed
+
+from .props import city, saucer, street
+from .props.shapes import Colour, lathe, placed
 
 DetailName = Literal["lean", "paper"]
 

@@ -1,6 +1,6 @@
 """LLVM is chosen before any test module can import Dr.Jit, by importing us; the variant is set once, where a test needs one.
 
-`BENCHHARNESS_TEST_VARIANT=cuda_ad_rgb pytest tests/test_hierarchy.py` tests kernels on a graphics card.
+`BENCHHARNESS_TEST_VARIANT=cuda_ad_rgb pytest tests/kernels/test_hierarchy.py` tests kernels on a graphics card.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ def variant() -> str | None:
 @pytest.fixture
 def plugins_here(monkeypatch):
     """Plugins are imported in this process, which is quicker; for tests whose plugins do no harm."""
-    from here import Here
+    from support.here import Here
 
-    import benchharness.config
     import benchharness.stability.plan
+    import benchharness.study.config
 
-    monkeypatch.setattr(benchharness.config, "Apart", Here)
+    monkeypatch.setattr(benchharness.study.config, "Apart", Here)
     monkeypatch.setattr(benchharness.stability.plan, "Apart", Here)
 
 
@@ -46,22 +46,22 @@ def module_cache(tmp_path_factory):
 @pytest.fixture(scope="module")
 def room():
     """A mirror ball in a room; the camera goes round it."""
-    from mirror_room import mirror_room, orbit
+    from support.mirror_room import mirror_room, orbit
 
     return mirror_room(camera=orbit(0.4))
 
 
 @pytest.fixture(scope="module")
 def renderer(room):
-    from mirror_room import SIZE
+    from support.mirror_room import SIZE
 
-    from benchharness.frame import FrameRenderer
+    from benchharness.render.frame import FrameRenderer
 
     return FrameRenderer(room, *SIZE)
 
 
 @pytest.fixture(scope="module")
 def truth_of_room(room, module_cache):
-    from answers import picture
+    from support.answers import picture
 
     return picture(room)

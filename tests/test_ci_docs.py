@@ -10,7 +10,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-import quick_cli
+from support import quick_cli
 
 import benchharness
 from benchharness import cli

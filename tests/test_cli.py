@@ -9,10 +9,12 @@ from contextlib import contextmanager
 
 import mitsuba as mi  # noqa: F401  (so that the variant is set)
 import pytest
-import study
+from support import study
 from typer.testing import CliRunner
 
-from benchharness import check, cli, cluster, doctor, platform, report, results, runner, stability
+from benchharness import cli, platform, report, stability
+from benchharness.execution import check, cluster, doctor, runner
+from benchharness.tables import results
 
 
 def call(*arguments: object):
@@ -142,12 +144,12 @@ def test_a_cluster_is_given_every_job_and_its_rows_come_out_in_order(tmp_path, f
 
 def test_compare_report_and_accept_hand_on_and_answer(tmp_path, monkeypatch):
     verdict = types.SimpleNamespace(exit_code=1)
-    fake = types.ModuleType("benchharness.compare")
+    fake = types.ModuleType("benchharness.tables.compare")
     fake.compare = lambda base, new, fail_on_time: verdict
     fake.FORMATS = {"text": lambda v: "worse", "json": lambda v: "{}"}
     fake.accept = lambda run, baselines, because, replaces: baselines / f"{run.name}-{because}{'!' * replaces}"
-    monkeypatch.setitem(sys.modules, "benchharness.compare", fake)
-    monkeypatch.setattr("benchharness.compare", fake, raising=False)
+    monkeypatch.setitem(sys.modules, "benchharness.tables.compare", fake)
+    monkeypatch.setattr("benchharness.tables.compare", fake, raising=False)
     monkeypatch.setattr(report, "write", lambda folder: folder / "report.html", raising=False)
     done = call("compare", "a", "b")
     assert (done.exit_code, done.stdout) == (1, "worse\n")

@@ -1,8 +1,12 @@
-"""Who may import whom. Arrows point one way: see the README."""
+"""Who may import whom. Arrows point from the end of the flow to its beginning (docs/architecture.md), late imports and imports
+by name included, and no arrow has a way back."""
 
 from __future__ import annotations
 
 import ast
+import sys
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -10,61 +14,138 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 FILES = sorted(p for room in ("benchharness", "methods", "scenes") for p in (ROOT / room).rglob("*.py"))
 
+MAY = {
+    "kernels": "",
+    "modelling": "",
+    "scene": "modelling kernels",
+    "regime": "scene",
+    "api": "kernels scene",
+    "platform": "",
+    "cache": "",
+    "processes": "",
+    "tables": "",
+    "render": "api scene modelling kernels cache",
+    "study": "api scene modelling render platform processes tables",
+    "measure": "api scene regime modelling render kernels study tables",
+    "execution": "api scene modelling render study measure tables platform cache processes",
+    "stability": "api scene regime modelling kernels render study measure execution tables platform cache processes",
+    "speed": "api scene modelling kernels render study measure tables platform",
+    "report": "tables",
+    "__main__": "cli",
+    "cli": "execution platform report speed stability study tables",
+    "methods": "api scene kernels",
+    "scenes": "scene modelling regime",
+    "scenes.stress": "scene modelling regime scenes measure.completeness",
+}
+"""What each room may import beside itself: rooms, or single modules of them. `benchharness` alone is for everybody."""
 
-def imports(path: Path) -> set[str]:
-    """Every module that a file imports, at any depth, full names; `from a import b` counts as a and a.b."""
-    names = set()
+
+def module(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+MODULES = {module(path): path for path in FILES}
+
+
+def imports(path: Path) -> Iterator[str]:
+    """Every module of ours that a file imports, at any depth, or names in a string, as `import_module` and entries do."""
+    package = module(path) if path.name == "__init__.py" else module(path).rpartition(".")[0]
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
+            yield from (known(alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}: relative import"
-            names |= {node.module or ""} | {f"{node.module}.{alias.name}" for alias in node.names}
-    return names
+            up = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            home = ".".join([*up, *((node.module or "").split(".") if node.module else [])])
+            yield from (known(f"{home}.{alias.name}") for alias in node.names)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value.startswith("benchharness."):
+            name = node.value.partition(":")[0]
+            if name in MODULES:
+                yield name
 
 
-def ours(path: Path) -> set[str]:
-    return {n for n in imports(path) if n.split(".")[0] in ("benchharness", "methods", "scenes")} - {"benchharness"}
+def known(name: str) -> str:
+    """The module of ours that `name` is or lies in; empty for others'."""
+    while name and name not in MODULES:
+        name = name.rpartition(".")[0]
+    return name
 
 
-def within(names: set[str], *allowed: str) -> bool:
-    return all(any(n == a or n.startswith(a + ".") for a in allowed) for n in names)
+def room(name: str) -> str:
+    """methods, scenes, scenes.stress, or what follows benchharness."""
+    first, _, rest = name.partition(".")
+    if first == "benchharness":
+        return rest.partition(".")[0]
+    return "scenes.stress" if rest.partition(".")[0] == "stress" and rest != "stress" else first
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(ROOT)))
-def test_imports_stay_within_the_layers(path):
-    room = path.relative_to(ROOT).parts
-    names = ours(path)
-    if room[0] == "methods":
-        assert within(names, "benchharness.api", "benchharness.scene", "benchharness.kernels")
-    elif room[0] == "scenes":
-        stress = ["benchharness.regime", "benchharness.completeness"] if room[1] == "stress" else []
-        assert within(names, "benchharness.scene", "scenes", *stress)
-    elif room[1] == "kernels":
-        assert within(names, "benchharness.kernels")
-    else:
-        assert not any(n.split(".")[0] in ("methods", "scenes") for n in names)
-    if room[:2] in (("benchharness", "api.py"), ("benchharness", "scene.py")):
-        # The scene model asks `enclosure` late: who reads it without a device needs none.
-        assert within(names, *(f"benchharness.{name}" for name in ("scene", "panorama", "subdivision", "enclosure")))
-    if room[:2] in tuple(("benchharness", f"{name}.py") for name in ("panorama", "subdivision", "winding")):
-        assert not names
-    if room[:2] in (("benchharness", "normalisation.py"), ("benchharness", "orientation.py"), ("benchharness", "creases.py")):
-        assert within(names, "benchharness.scene", "benchharness.winding")
-    if room[:2] == ("benchharness", "regime.py"):
-        assert within(names, "benchharness.scene")
-    if room[:2] in (("benchharness", "frame.py"), ("benchharness", "bake.py"), ("benchharness", "reference.py")):
-        allowed = ("api", "scene", "kernels", "cache", "mitsuba_scene", "bake", "normalisation")
-        assert within(names, *(f"benchharness.{name}" for name in allowed))
-    if room[:2] == ("benchharness", "report"):
-        assert not any(n.split(".")[0] in ("mitsuba", "drjit") for n in imports(path))
-        assert within(names, "benchharness.report", "benchharness.results", "benchharness.stability.tables")
+def arrows(path: Path) -> set[str]:
+    return {name for name in imports(path) if name} - {"benchharness", module(path)}
 
 
-def test_no_method_imports_another():
-    for path in (ROOT / "methods").glob("*.py"):
-        assert not any(n.startswith("methods") for n in ours(path)), path
+@pytest.mark.parametrize("name", MODULES)
+def test_imports_stay_within_the_layers(name):
+    own = room(name)
+    if own == "":
+        return  # benchharness itself
+    for target in sorted(arrows(MODULES[name])):
+        allowed = {own, *MAY[own].split()}
+        if own == "methods":
+            allowed -= {own}  # never each other
+        inside = target.partition(".")[2]
+        assert target == own or room(target) in allowed or inside in allowed, f"{name} imports {target}"
+
+
+def test_no_arrow_has_a_way_back():
+    graph = {name: arrows(path) for name, path in MODULES.items()}
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        pytest.fail(" -> ".join(error.args[1]))
+
+
+def test_no_room_is_left_out():
+    assert {room(name) for name in MODULES} - {""} == set(MAY)
+
+
+@pytest.mark.parametrize("room", ["modelling", "tables", "study"])
+def test_what_needs_no_device_imports_none(room):
+    """At the top of a module; a function that needs one may."""
+    for name, path in MODULES.items():
+        if name.startswith(f"benchharness.{room}"):
+            top = [node for node in ast.parse(path.read_text()).body if isinstance(node, ast.Import | ast.ImportFrom)]
+            names = {a.name for n in top if isinstance(n, ast.Import) for a in n.names} | {
+                getattr(n, "module", "") for n in top
+            }
+            assert not {"mitsuba", "drjit"} & {str(n).partition(".")[0] for n in names}, name
+
+
+def test_the_report_never_renders():
+    for name, path in MODULES.items():
+        if name.startswith("benchharness.report"):
+            assert "mitsuba" not in path.read_text().split() and "drjit" not in path.read_text().split(), name
 
 
 def test_the_contract_is_short_enough_to_read():
     assert len((ROOT / "benchharness" / "api.py").read_text().splitlines()) < 170
+
+
+def test_a_circle_and_an_import_by_name_are_seen(tmp_path, monkeypatch):
+    """This test's own eyes."""
+    (tmp_path / "benchharness").mkdir()
+    for name, text in {
+        "a": "import benchharness.b",
+        "b": "def f():\n    g('benchharness.a:run')",
+        "c": "from . import b",
+    }.items():
+        (tmp_path / "benchharness" / f"{name}.py").write_text(text)
+    this = sys.modules[__name__]
+    monkeypatch.setattr(this, "ROOT", tmp_path)
+    found = {module(path): path for path in (tmp_path / "benchharness").glob("*.py")}
+    monkeypatch.setattr(this, "MODULES", found)
+    assert {name: arrows(path) for name, path in found.items()} == {
+        "benchharness.a": {"benchharness.b"},
+        "benchharness.b": {"benchharness.a"},
+        "benchharness.c": {"benchharness.b"},
+    }
+    with pytest.raises(pytest.fail.Exception, match=r"benchharness\.a -> benchharness\.b|benchharness\.b -> benchharness\.a"):
+        test_no_arrow_has_a_way_back()

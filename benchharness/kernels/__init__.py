@@ -1,0 +1,1 @@
+"""Device code: Dr.Jit kernels that know nothing of scenes, files or time."""

@@ -17,7 +17,7 @@ import drjit as dr
 import mitsuba as mi
 
 from benchharness.kernels import geometry, raster, surroundings
-from benchharness.kernels.window import Window
+from benchharness.kernels.images.window import Window
 
 
 def _unit(axis: int) -> mi.Vector3f:

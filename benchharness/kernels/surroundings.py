@@ -1,7 +1,7 @@
 """What is at infinity: one colour, or a panorama that is looked up by direction.
 
-`benchharness.panorama` says which direction each texel has. 4 floats per texel, of which one is free, so that a texel is
-one packet; the first column is there once more at the end of each row, so that no lookup has to go around.
+`benchharness.modelling.panorama` says which direction each texel has. 4 floats per texel, of which one is free, so that
+a texel is one packet; the first column is there once more at the end of each row, so that no lookup has to go around.
 """
 
 from __future__ import annotations

@@ -11,8 +11,8 @@ import matplotlib as mpl
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from benchharness import results
 from benchharness.report.points import SceneView
+from benchharness.tables import results
 
 WIDTH, SMALL = 720, 360
 """Pixels to which wider pictures are reduced: a method's best parameters, and its others."""

@@ -15,11 +15,11 @@ import matplotlib as mpl
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from benchharness import results
 from benchharness.report import overtime
 from benchharness.report.chart import STYLE
 from benchharness.report.points import looks
 from benchharness.stability.tables import read
+from benchharness.tables import results
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ import jinja2
 from markupsafe import Markup
 from PIL import Image
 
-from benchharness import results
 from benchharness.report import motion
 from benchharness.stability.tables import read
+from benchharness.tables import results
 
 STRIP_QUALITY = 60  # of WebP; a page carries 170 strips
 COLUMNS = (

@@ -13,10 +13,10 @@ import jinja2
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from benchharness import results
 from benchharness.report import chart, images, interactive
 from benchharness.report.columns import COLUMNS, STATUSES, Column
 from benchharness.report.points import BUDGETS_MS, Look, Point, SceneView, looks, views
+from benchharness.tables import results
 
 TABLE = (
     "frame_ms shade_ms update_ms prepare_ms kernel_ms first_ms flip flip_p95 rmse relmse coverage nonfinite_px "

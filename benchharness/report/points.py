@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from benchharness import results
 from benchharness.report.frontier import PARTIAL, Place, classify, staircase
+from benchharness.tables import results
 
 BUDGETS_MS = ((6.9, "144 Hz"), (11.1, "90 Hz"), (16.7, "60 Hz"))
 """Frame budgets in ms, and the display that has them: 1000 / 144, 1000 / 90, 1000 / 60."""

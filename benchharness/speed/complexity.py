@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from benchharness import plugins, reference, timing
+from benchharness.measure import timing
+from benchharness.render import reference
 from benchharness.scene import Mesh, Reflector, Scene, refined, vertex_normals
 from benchharness.speed.stage import Stage, interleaved, method
 from benchharness.speed.tessellation import case
+from benchharness.study import plugins
 
 SUBDIVISIONS = (2, 3, 4, 5, 6)  # of an icosahedron: 20 * 4^s triangles
 HOLLOWS = (0.0, 0.05, 0.1, 0.2, 0.3)  # depth of the dents, relative to the radius

@@ -13,9 +13,10 @@ import mitsuba as mi
 import numpy as np
 
 from benchharness.api import Frame
-from benchharness.kernels import bounces, deptherror, depthray, depthrows, optics
-from benchharness.kernels.depthmap import Layout
+from benchharness.kernels import optics
 from benchharness.kernels.frozen import frozen
+from benchharness.kernels.images import bounces, deptherror, depthray, depthrows
+from benchharness.kernels.images.depthmap import Layout
 from benchharness.speed import popescu
 from benchharness.speed.popescu import Settings, Timed, row
 from benchharness.speed.stage import Stage

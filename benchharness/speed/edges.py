@@ -17,12 +17,15 @@ import mitsuba as mi
 import numpy as np
 from scipy import ndimage
 
-from benchharness import metrics, plugins, reference
-from benchharness.kernels import pixels, relief
+from benchharness.kernels import pixels
+from benchharness.kernels.images import relief
+from benchharness.measure import metrics
+from benchharness.render import reference
 from benchharness.speed import popescu
 from benchharness.speed.depthmaps import rays
 from benchharness.speed.popescu import Settings, row
 from benchharness.speed.stage import Stage
+from benchharness.study import plugins
 
 EDGES = "edges"
 METHOD = "depth_impostor"

@@ -20,9 +20,9 @@ import mitsuba as mi
 import numpy as np
 
 from benchharness.api import Frame, View
-from benchharness.frame import opaque
 from benchharness.kernels import geometry, hierarchy, optics, raster, surroundings
 from benchharness.kernels.frozen import frozen
+from benchharness.render.frame import opaque
 from benchharness.scene import Scene
 
 RAY_EPSILON = 1e-4  # start of a reflected ray above the surface, relative to the size of its coordinates

@@ -24,13 +24,14 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from benchharness import plugins, timing
 from benchharness.api import Method
-from benchharness.rounds import KERNEL_ROUNDS
+from benchharness.measure import timing
+from benchharness.measure.rounds import KERNEL_ROUNDS
 from benchharness.scene import Scene, refined
 from benchharness.speed import depthmaps, edges, popescu
 from benchharness.speed.popescu import Settings, Timed, fps, row
 from benchharness.speed.stage import Stage, Work, answer
+from benchharness.study import plugins
 
 POINTS, RAYS, REFLECTORS, SIZE = "points", "rays", "reflectors", "size"
 DEPTH_MAPS, BILLBOARDS, TRACED = "depth_impostor", "billboard_impostor", "ray_traced"

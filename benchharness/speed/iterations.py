@@ -16,11 +16,11 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from benchharness import plugins
 from benchharness.api import Reflection
-from benchharness.kernels import vertexwise, virtual
+from benchharness.kernels.vertices import vertexwise, virtual
 from benchharness.scene import Scene
 from benchharness.speed.stage import Stage
+from benchharness.study import plugins
 
 CASES: tuple[tuple[str, str, dict[str, Any]], ...] = (
     ("Roger and Holzschuch, cold", "secant_triangle",

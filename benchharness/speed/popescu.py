@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from benchharness import timing
-from benchharness.kernels import imagewise, relief, roles
+from benchharness.kernels.images import imagewise, relief, roles
+from benchharness.measure import timing
 from benchharness.speed.stage import Stage, Work, interleaved
 
 COLUMNS = "table setting quantity ours ours_lo ours_hi unit paper note".split()
@@ -129,7 +129,7 @@ def reliefs(stage: Stage, texels: int, rotations: int, points: int) -> relief.Re
 
 def largest(scene: Any, size: tuple[int, int]) -> int:
     """The frame in which mirrors cover most pixels; the first of equals."""
-    from benchharness.frame import FrameRenderer
+    from benchharness.render.frame import FrameRenderer
 
     renderer = FrameRenderer(scene, *size)
     return int(np.argmax([len(renderer.render(i).pixels) for i in range(scene.frames)]))

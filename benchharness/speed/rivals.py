@@ -22,9 +22,9 @@ from typing import Any
 
 import numpy as np
 
-from benchharness import metrics
 from benchharness.api import Method
 from benchharness.kernels import hierarchy
+from benchharness.measure import metrics
 from benchharness.scene import Scene
 from benchharness.speed import embree, llvmpipe
 from benchharness.speed.stage import Stage, Work, answer, interleaved, method, ratio_interval

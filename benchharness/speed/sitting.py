@@ -26,8 +26,9 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from benchharness import platform, results
+from benchharness import platform
 from benchharness.scene import Scene, refined
+from benchharness.tables import results
 
 COLUMNS = "name ours_ms rival rival_ms ratio ratio_lo ratio_hi note".split()
 """Columns of speed.csv: medians over rounds; ratio = rival_ms / ours_ms, so that above 1 ours is faster."""
@@ -37,8 +38,8 @@ VARIANT = "llvm_ad_rgb"  # Embree's
 
 def baked(name: str, **keywords: Any) -> Scene:
     """A scene as its builder makes it, baked and not yet refined."""
-    from benchharness import plugins
-    from benchharness.bake import bake
+    from benchharness.render.bake import bake
+    from benchharness.study import plugins
 
     return bake(plugins.find("scene", name, "speed").target(**keywords))
 

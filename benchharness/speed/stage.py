@@ -15,10 +15,11 @@ from typing import Any, TypeVar
 import drjit as dr
 import numpy as np
 
-from benchharness import measure, plugins, timing
 from benchharness.api import Frame, Method, Reflection
-from benchharness.frame import FrameRenderer
+from benchharness.measure import bench, timing
+from benchharness.render.frame import FrameRenderer
 from benchharness.scene import Scene
+from benchharness.study import plugins
 
 PAUSE_S = 0.01
 UNTIMED = 3  # rounds: `dr.freeze` may record once more when works alternate
@@ -34,7 +35,7 @@ class Stage:
     def __init__(self, scene: Scene, size: tuple[int, int], index: int) -> None:
         self.scene, self.size = scene, size
         self.renderer = FrameRenderer(scene, *size)
-        self.frames = [self.renderer.render(i) for i in measure.run_up(index, scene.frames)]
+        self.frames = [self.renderer.render(i) for i in bench.run_up(index, scene.frames)]
         dr.eval(self.frames)
 
     @property

@@ -15,10 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from benchharness import metrics, plugins, reference, timing
+from benchharness.measure import metrics, timing
+from benchharness.render import reference
 from benchharness.report.points import looks
 from benchharness.scene import Scene, refined
 from benchharness.speed.stage import Stage, answer, interleaved, method
+from benchharness.study import plugins
 
 NONE = "no reflections"
 TARGETS = (5_000, 10_000, 15_000, 25_000, 50_000, 100_000, 200_000)

@@ -8,7 +8,7 @@ Three studies, each with its tables in the run's folder, in processes of their o
     motion         motion.csv, motion-frames.csv: animations at a fine step, cuts and jumps
     perturbation   perturbation.csv: scenes that change as good as not at all
 
-and all of it on one page, stability.html, with what was seen in images/. The folder is one as `benchharness.folder` has it: a
+and what was seen in images/; `report.matrix` makes one page of it. The folder is one as `execution.folder` has it: a
 suite that was interrupted can be taken up.
 """
 
@@ -23,7 +23,9 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from benchharness import cache, folder, platform, results
+from benchharness import cache, platform
+from benchharness.execution import folder
+from benchharness.tables import results
 
 if TYPE_CHECKING:
     from benchharness.stability.children import Done, Place
@@ -58,7 +60,7 @@ class Outcome:
 
     code: int
     silent: int
-    page: Path
+    folder: Path
 
 
 def run(
@@ -108,13 +110,12 @@ def run(
 
 
 def _ended(made: Sequence[_Study], place: Path) -> Outcome:
-    from benchharness import runner
-    from benchharness.report import matrix
+    from benchharness.execution import runner
 
     rows = [row for study in made for row in study.rows]
     asked = sum(len(units) for study in made for units in study.groups.values())
     silent = sum(row.get("verdict") == "fails" for row in rows)
-    return Outcome(runner.exit_code([row["status"] for row in rows], asked), silent, matrix.write(place))
+    return Outcome(runner.exit_code([row["status"] for row in rows], asked), silent, place)
 
 
 def _depends(planned: Plan, groups: Groups) -> dict[str, Any]:
@@ -134,7 +135,7 @@ def _depends(planned: Plan, groups: Groups) -> dict[str, Any]:
 
 def _agree(groups: Groups, done: Mapping[Place, Done], yes: bool, tell: Callable[[str], None]) -> None:
     """Says what is left to do, and about how long it takes; see `estimate.agreed`."""
-    from benchharness import estimate
+    from benchharness.execution import estimate
 
     left = {study: sum(len(units) for units in groups[study].values()) for study in groups}
     for study, _, _ in done:

@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from benchharness import results
-from benchharness.config import Entry
 from benchharness.regime import Regime
 from benchharness.scene import Scene
 from benchharness.stability import plan
+from benchharness.study.config import Entry
+from benchharness.tables import results
 
 STRESS = "scenes.stress"
 FILE = "stability.csv"
@@ -107,8 +107,8 @@ def units(entries: Sequence[Entry], names: Sequence[str], severity: float | None
 
 def work(units: Sequence[dict[str, Any]], folder: Path) -> Iterator[dict[str, Any]]:
     """Measures units of one regime; see `benchharness.stability.children`. Pictures go to `folder`."""
-    from benchharness.measure import Bench
-    from benchharness.reference import ReferenceOptions
+    from benchharness.measure.bench import Bench
+    from benchharness.render.reference import ReferenceOptions
 
     found = regimes()
     for (name, severity), group in itertools.groupby(units, lambda unit: (unit["regime"], unit["severity"])):
@@ -152,7 +152,7 @@ def row(unit: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:
 
 def _keep_picture(folder: Path, regime: Regime, severity: float, label: str, seen: Any, exposure: float) -> None:
     """The method's picture, the reference and the error, side by side: the mirrors and a little around, which is darker."""
-    from benchharness import metrics
+    from benchharness.measure import metrics
 
     rows, columns = np.nonzero(seen.mask)
     top, left = (max(int(axis.min(initial=0)) - MARGIN, 0) for axis in (rows, columns))

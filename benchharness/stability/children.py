@@ -25,7 +25,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from benchharness import folder, platform, processes
+from benchharness import platform, processes
+from benchharness.execution import folder
 
 VARIANT = "llvm_ad_rgb"
 TIMEOUT_S = 600.0  # that a unit may take, its share of what comes before the first included

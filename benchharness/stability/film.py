@@ -14,11 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from benchharness import contract, params, plugins, reference
 from benchharness.api import Frame, Method, Reflection
-from benchharness.config import SceneSpec
-from benchharness.ready import ready
+from benchharness.measure import contract
+from benchharness.render import reference
+from benchharness.render.ready import ready
 from benchharness.scene import Scene
+from benchharness.study import params, plugins
+from benchharness.study.config import SceneSpec
 
 BEFORE, AFTER = 2, 3  # frames of a run with a jump in it
 OPTIONS = reference.ReferenceOptions(spp=2)

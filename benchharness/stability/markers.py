@@ -21,10 +21,11 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from benchharness import contract, metrics, reference
 from benchharness.api import Frame, Method, View
-from benchharness.frame import FrameRenderer
 from benchharness.kernels import depths
+from benchharness.measure import contract, metrics
+from benchharness.render import reference
+from benchharness.render.frame import FrameRenderer
 from benchharness.scene import PointLight, Scene
 from benchharness.stability.film import OPTIONS, Film, carried
 

@@ -12,14 +12,14 @@ All numbers are inside the mirrors, without pixels of second reflections, and me
                      may do to it; `image_off_px`: how far they are from where they should be; `images`: how many are followed,
                      `images_lost`: of those, how many were gone in some frame
     root_switches    share of those vertices, per frame, whose R left the true reflection point that it was at: it moved by more
-                     than SWITCH_PX more than that did
+                     than `watch.SWITCH_PX` more than that did
     converge_changes share of searched vertices, per frame, that converged and had not, or had and did not
     spike            the most iterations (mean over searched vertices) of a frame, over their median; the first is not counted
 
 and after a jump
 
-    recovery         frames until the mean FLIP is at most RECOVERED above that of a method that starts cold at that frame: 0
-                     where it is at once; empty where it never is in this run
+    recovery         frames until the mean FLIP is at most `watch.RECOVERED` above that of a method that starts cold at that
+                     frame: 0 where it is at once; empty where it never is in this run
     other_roots      share of sampled vertices that, in the last frame, have R more than SWITCH_PX from where a cold start has
                      it
     temporal_diff    of the frames on either side of the jump
@@ -37,10 +37,12 @@ from typing import Any
 
 import numpy as np
 
-from benchharness import metrics, plugins, results
-from benchharness.apart import Apart
-from benchharness.config import Entry
-from benchharness.stability import plan
+from benchharness.measure import metrics
+from benchharness.stability import plan, strips
+from benchharness.study import plugins
+from benchharness.study.apart import Apart
+from benchharness.study.config import Entry
+from benchharness.tables import results
 
 FILE, FRAMES_FILE = "motion.csv", "motion-frames.csv"
 APIECE = 1  # groups that share a process
@@ -58,9 +60,6 @@ FRAME_COLUMNS = (
 KINDS = ("steady", "cut", "teleport")
 COUNT, SUBSTEPS, SIZE = plan.Motion.frames, plan.Motion.substeps, plan.Motion.size
 FOLLOWED, PLACES = plan.Motion.followed, plan.Motion.places
-SAMPLE = 60  # vertices whose true reflection points are followed, in all mirrors together
-SWITCH_PX = 3.0  # more than `measure.WRONG_PX`: that far off is the wrong root, and not the same one less exactly
-RECOVERED = 0.005  # mean FLIP; a twentieth of `metrics.POP`
 
 
 def units(
@@ -141,16 +140,14 @@ def _about(unit: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _keep_pictures(folder: Path, scene: str, kind: str, label: str, film: Any, shown: Any) -> None:
-    from benchharness.report import motion as pictures
-
     def viewed(images: list[np.ndarray]) -> list[np.ndarray]:
         return [metrics.tonemap(image, film.scene.exposure) for image in images]
 
     method, truth = viewed(shown.images), viewed([r.image for r in film.references])
-    box = pictures.crop([r.mask for r in film.references])
+    box = strips.crop([r.mask for r in film.references])
     file = folder / results.picture_name(f"{scene}-{kind}", film.first, label)
     errors = [metrics.error_picture(error) for error in shown.errors]
-    chosen = pictures.chosen(film.count, None if film.jump is None else film.jump - film.first)
-    metrics.save_png(file, pictures.strip(method, truth, errors, box, chosen))
+    chosen = strips.chosen(film.count, None if film.jump is None else film.jump - film.first)
+    metrics.save_png(file, strips.strip(method, truth, errors, box, chosen))
     if kind == "steady":
-        file.with_suffix(".webp").write_bytes(pictures.animated(method, truth, box))
+        file.with_suffix(".webp").write_bytes(strips.animated(method, truth, box))

@@ -24,10 +24,11 @@ from typing import Any
 
 import numpy as np
 
-from benchharness import plugins, results
-from benchharness.config import Entry
 from benchharness.scene import Scene
 from benchharness.stability import altered, atlas, plan
+from benchharness.study import plugins
+from benchharness.study.config import Entry
+from benchharness.tables import results
 
 FILE = "perturbation.csv"
 APIECE = 2  # groups that share a process
@@ -92,7 +93,7 @@ def subject(name: str) -> Subject:
         regime, build = atlas.regimes()[name]
         return Subject(replace(build(severity), name=f"{name}[{severity:g}]"), regime.frame, regime.max_depth)
     made = plugins.find("scene", name, "perturbation").target()
-    from benchharness.bake import bake
+    from benchharness.render.bake import bake
 
     return Subject(bake(made), 0, 2)
 
@@ -171,14 +172,14 @@ def compared(one: Any, other: Any, columns: int, exposure: float) -> dict[str, A
 
 
 def _bench(seen: Subject, scene: Scene, size: tuple[int, int]) -> Any:
-    from benchharness.measure import Bench
-    from benchharness.reference import ReferenceOptions
+    from benchharness.measure.bench import Bench
+    from benchharness.render.reference import ReferenceOptions
 
     return Bench(scene, size, ReferenceOptions(max_depth=seen.max_depth, spp=2), None, 0, (1, 1))
 
 
 def _shown(bench: Any, frame: int, entry: Entry) -> tuple[dict[str, Any], Any]:
-    """What a method shows, as `benchharness.measure.Bench.show` has it; a refusal as a record."""
+    """What a method shows, as `benchharness.measure.bench.Bench.show` has it; a refusal as a record."""
     method = entry.build()
     refusal = method.refuses(bench.scene)
     return ({"status": "refused", "reason": refusal}, None) if refusal is not None else bench.show(frame, entry.key, method)
@@ -206,14 +207,14 @@ def _lab_distance(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Distance in CIELAB, [N], of linear colours [N, 3] in [0, 1]."""
     from skimage.color import rgb2lab
 
-    from benchharness.metrics import display
+    from benchharness.measure.metrics import display
 
     return np.linalg.norm(rgb2lab(display(one, 0.0)) - rgb2lab(display(other, 0.0)), axis=-1)
 
 
 def _keep_pictures(folder: Path, scene: str, kind: str, label: str, seen: tuple[Any, Any, int], exposure: float) -> None:
     """Before, after, and where a pixel changed, side by side; the reference below."""
-    from benchharness import metrics
+    from benchharness.measure import metrics
 
     one, other, columns = seen
     inner = slice(columns, other.mask.shape[1] - columns)

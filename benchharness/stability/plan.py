@@ -17,9 +17,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from benchharness import config, params, plugins
-from benchharness.apart import Apart
-from benchharness.config import Entry
+from benchharness.study import config, params, plugins
+from benchharness.study.apart import Apart
+from benchharness.study.config import Entry
 
 STUDIES = ("atlas", "motion", "perturbation")
 SECTIONS = (*STUDIES, "methods")

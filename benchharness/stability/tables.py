@@ -7,7 +7,7 @@ import io
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from benchharness import results
+from benchharness.tables import results
 
 
 def write(path: Path, rows: Iterable[Mapping], columns: Sequence[str]) -> None:

@@ -7,12 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from benchharness import metrics, truth
 from benchharness.api import Frame, Method, Reflection
-from benchharness.frame import FrameRenderer
+from benchharness.measure import metrics, truth
+from benchharness.render.frame import FrameRenderer
 from benchharness.stability.film import Film, carried
 from benchharness.stability.markers import Markers
-from benchharness.stability.motion import RECOVERED, SAMPLE, SWITCH_PX
+
+SAMPLE = 60  # vertices whose true reflection points are followed, in all mirrors together
+SWITCH_PX = 3.0  # more than `measure.WRONG_PX`: that far off is the wrong root, and not the same one less exactly
+RECOVERED = 0.005  # mean FLIP; a twentieth of `metrics.POP`
 
 
 @dataclass

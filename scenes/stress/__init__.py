@@ -6,10 +6,10 @@ The regimes that show it, or where else it is tested, or why no method here can 
     F-01 grazing                       grazing incidence
     F-02 in_plane                      eye, vertex and axis in one plane: the secant's triangle is a sliver
     F-03 in_line                       eye, axis and vertex in one line: the secant's equations are degenerate
-    F-04 tests/test_secant_oracle.py   equation (1) as it is printed
-    F-05 tests/test_secant_oracle.py   least squares of the wrong vectors
+    F-04 tests/kernels/vertices/test_secant_oracle.py   equation (1) as it is printed
+    F-05 tests/kernels/vertices/test_secant_oracle.py   least squares of the wrong vectors
     F-06 hidden                        hidden vertices
-    F-07 tests/test_image_space_search.py  the sign of the mirrored vertex
+    F-07 tests/methods/test_image_space_search.py  the sign of the mirrored vertex
     F-08 in_line                       vertex straight behind the mirror's point
     F-09 open_cap                      reflection point beyond the rim
     F-10 cut_off                       mirror partly out of the picture
@@ -30,7 +30,7 @@ The regimes that show it, or where else it is tested, or why no method here can 
     F-25 bumps, torus                  convex in one direction, concave in the other
     F-26 bumps, lobes                  mirror that stands before itself
     F-27 sheet                         sheet without a back
-    F-28 tests/test_virtual_depth.py   the wrong depth compared with the mirror's back
+    F-28 tests/kernels/vertices/test_virtual_depth.py   the wrong depth compared with the mirror's back
     F-29 contact                       contact
     F-30 dipping                       object that goes into the mirror
     F-31 near_eye                      eye near the mirror

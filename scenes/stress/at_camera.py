@@ -6,7 +6,8 @@ import numpy as np
 
 from benchharness.regime import Regime
 from benchharness.scene import Scene
-from scenes.stress.minimal import RED, eye, misplaced, s1, sphere, stage, thing, towards
+
+from ..props.minimal import RED, eye, misplaced, s1, sphere, stage, thing, towards
 
 REGIME = Regime(
     entry="I-10, I-11",

@@ -6,7 +6,8 @@ import numpy as np
 
 from benchharness.regime import Regime
 from benchharness.scene import Environment, Scene
-from scenes.stress.minimal import GREY, eye, grid, stage, thing
+
+from ..props.minimal import GREY, eye, grid, stage, thing
 
 REGIME = Regime(
     entry="I-08, I-09",

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from benchharness.regime import Regime
 from benchharness.scene import Reflector, Scene
-from scenes.stress.minimal import cap, eye, grid, sphere, stage, thing
+
+from ..props.minimal import cap, eye, grid, sphere, stage, thing
 
 REGIME = Regime(
     entry="F-22",

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchharness import completeness
+from benchharness.measure import completeness
 from benchharness.regime import Regime
 from benchharness.scene import Mesh, Reflector, Scene
-from scenes.stress.minimal import grid, sphere, stage, thing
+
+from ..props.minimal import grid, sphere, stage, thing
 
 WAVE = 5.0  # radians per radius along each axis
 

@@ -6,9 +6,10 @@ import numpy as np
 
 from benchharness.regime import Regime
 from benchharness.scene import Mesh, Reflector, Scene
-from scenes import shapes
-from scenes.stress.highlight import shine
-from scenes.stress.minimal import DARK, GREY, eye, glossy_floor, stage
+
+from ..props import shapes
+from ..props.minimal import DARK, GREY, eye, glossy_floor, stage
+from ..stress.highlight import shine
 
 REGIME = Regime(
     entry="P-04",

@@ -6,7 +6,8 @@ import numpy as np
 
 from benchharness.regime import Regime
 from benchharness.scene import Camera, Scene
-from scenes.stress.minimal import grid, stage, thing
+
+from ..props.minimal import grid, stage, thing
 
 REGIME = Regime(
     entry="F-17",

@@ -6,8 +6,9 @@ import numpy as np
 
 from benchharness.regime import Regime
 from benchharness.scene import Scene, merged, subdivided
-from scenes import shapes
-from scenes.stress.minimal import GREEN, eye, misplaced, placed, stage, thing, towards, turned
+
+from ..props import shapes
+from ..props.minimal import GREEN, eye, misplaced, placed, stage, thing, towards, turned
 
 REGIME = Regime(
     entry="I-06",

@@ -6,7 +6,8 @@ import numpy as np
 
 from benchharness.regime import Regime
 from benchharness.scene import Scene
-from scenes.stress.minimal import RED, misplaced, sphere, stage, thing
+
+from ..props.minimal import RED, misplaced, sphere, stage, thing
 
 REGIME = Regime(
     entry="F-01",

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from benchharness.regime import Regime
 from benchharness.scene import Scene
-from scenes.stress.minimal import grid, stage, thing
+
+from ..props.minimal import grid, stage, thing
 
 REGIME = Regime(
     entry="F-06, F-12, F-13",

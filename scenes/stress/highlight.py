@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from benchharness.regime import Regime, Seen, miss
 from benchharness.scene import Scene
-from scenes.stress.minimal import DARK, eye, flat, glossy_floor, stage
+
+from ..props.minimal import DARK, eye, flat, glossy_floor, stage
 
 
 def shine(seen: Seen) -> float | None:

@@ -6,7 +6,8 @@ import numpy as np
 
 from benchharness.regime import Regime
 from benchharness.scene import Mesh, Scene
-from scenes.stress.minimal import GREEN, RED, misplaced, stage, thing
+
+from ..props.minimal import GREEN, RED, misplaced, stage, thing
 
 REGIME = Regime(
     entry="F-03, F-08",

@@ -6,8 +6,9 @@ import numpy as np
 
 from benchharness.regime import Regime
 from benchharness.scene import Scene
-from scenes import shapes
-from scenes.stress.minimal import YELLOW, misplaced, stage, thing
+
+from ..props import shapes
+from ..props.minimal import YELLOW, misplaced, stage, thing
 
 REGIME = Regime(
     entry="F-02",

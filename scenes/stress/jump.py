@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from benchharness.regime import Regime
 from benchharness.scene import Scene
-from scenes.stress.minimal import RED, checkered_floor, misplaced, pose, sphere, stage, thing, towards
+
+from ..props.minimal import RED, checkered_floor, misplaced, pose, sphere, stage, thing, towards
 
 REGIME = Regime(
     entry="F-19",

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from benchharness.regime import Regime
 from benchharness.scene import Scene, subdivided
-from scenes import shapes
-from scenes.stress.minimal import RED, grid, misplaced, stage, thing
+
+from ..props import shapes
+from ..props.minimal import RED, grid, misplaced, stage, thing
 
 REGIME = Regime(
     entry="F-16",

@@ -6,7 +6,8 @@ import numpy as np
 
 from benchharness.regime import Regime
 from benchharness.scene import Mesh, Reflector, Scene
-from scenes.stress.minimal import RED, eye, misplaced, sphere, stage, thing
+
+from ..props.minimal import RED, eye, misplaced, sphere, stage, thing
 
 REGIME = Regime(
     entry="F-26",

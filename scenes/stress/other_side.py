@@ -6,7 +6,8 @@ import numpy as np
 
 from benchharness.regime import Regime, Seen
 from benchharness.scene import Scene
-from scenes.stress.minimal import GREEN, RED, eye, flat, sphere, stage, thing, towards
+
+from ..props.minimal import GREEN, RED, eye, flat, sphere, stage, thing, towards
 
 
 def differing(seen: Seen) -> float | None:

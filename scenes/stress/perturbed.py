@@ -8,7 +8,8 @@ import numpy as np
 
 from benchharness.regime import Regime
 from benchharness.scene import Scene
-from scenes.stress.minimal import grid, s1, sphere, stage, thing
+
+from ..props.minimal import grid, s1, sphere, stage, thing
 
 REGIME = Regime(
     entry="F-15",

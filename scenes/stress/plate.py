@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from benchharness.regime import Regime
 from benchharness.scene import Scene, subdivided
-from scenes import shapes
-from scenes.stress.minimal import RED, misplaced, placed, stage, thing, towards, turned
+
+from ..props import shapes
+from ..props.minimal import RED, misplaced, placed, stage, thing, towards, turned
 
 REGIME = Regime(
     entry="I-18",

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from benchharness.regime import Regime
 from benchharness.scene import Mesh, Reflector, Scene
-from scenes.stress.minimal import RED, eye, misplaced, sphere, stage, thing, towards, turned
+
+from ..props.minimal import RED, eye, misplaced, sphere, stage, thing, towards, turned
 
 REGIME = Regime(
     entry="F-24",

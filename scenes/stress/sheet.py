@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from benchharness.regime import Regime
 from benchharness.scene import Reflector, Scene
-from scenes.stress.minimal import cap, checkered_floor, pose, sphere, stage
+
+from ..props.minimal import cap, checkered_floor, pose, sphere, stage
 
 REGIME = Regime(
     entry="F-27",

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 from benchharness.regime import Regime
 from benchharness.scene import Scene
-from scenes.stress.minimal import RED, eye, flat, grid, pose, sphere, stage, thing
+
+from ..props.minimal import RED, eye, flat, grid, pose, sphere, stage, thing
 
 REGIME = Regime(
     entry="P-02, P-09",

@@ -7,8 +7,9 @@ from scipy import ndimage
 
 from benchharness.regime import Regime, Seen
 from benchharness.scene import Scene
-from scenes import shapes
-from scenes.stress.minimal import GREEN, RED, SKY, stage, thing
+
+from ..props import shapes
+from ..props.minimal import GREEN, RED, SKY, stage, thing
 
 BAND = 3  # pixels to either side of a shared edge
 

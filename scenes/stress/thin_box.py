@@ -6,8 +6,9 @@ import numpy as np
 
 from benchharness.regime import Regime
 from benchharness.scene import Scene
-from scenes import shapes
-from scenes.stress.minimal import GREEN, RED, eye, flat, misplaced, stage, thing
+
+from ..props import shapes
+from ..props.minimal import GREEN, RED, eye, flat, misplaced, stage, thing
 
 REGIME = Regime(
     entry="P-03",

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 from benchharness.regime import Regime
 from benchharness.scene import Scene
-from scenes import shapes
-from scenes.stress.minimal import RED, flat, misplaced, pose, stage, thing
+
+from ..props import shapes
+from ..props.minimal import RED, flat, misplaced, pose, stage, thing
 
 REGIME = Regime(
     entry="P-01",

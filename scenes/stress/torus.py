@@ -6,7 +6,8 @@ import numpy as np
 
 from benchharness.regime import Regime
 from benchharness.scene import Mesh, Reflector, Scene
-from scenes.stress.minimal import eye, grid, stage, thing
+
+from ..props.minimal import eye, grid, stage, thing
 
 REGIME = Regime(
     entry="F-11, F-23, F-25",

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from benchharness.regime import Regime
 from benchharness.scene import Scene
-from scenes.stress.minimal import eye, grid, s1, stage, thing
+
+from ..props.minimal import eye, grid, s1, stage, thing
 
 REGIME = Regime(
     entry="F-35, I-07",

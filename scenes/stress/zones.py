@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from benchharness import completeness
+from benchharness.measure import completeness
 from benchharness.regime import Regime
 from benchharness.scene import Reflector, Scene
-from scenes.stress.minimal import RED, cap, eye, sphere, stage, thing
+
+from ..props.minimal import RED, cap, eye, sphere, stage, thing
 
 REGIME = Regime(
     entry="F-20",

@@ -1,0 +1,5 @@
+"""`python -m benchharness` is the command line."""
+
+from benchharness.cli import main
+
+main()

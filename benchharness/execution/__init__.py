@@ -1,0 +1,1 @@
+"""Jobs -> processes -> the folder of a run."""

@@ -1,0 +1,1 @@
+"""Moving vertices: where a mirror shows them, and drawing what moved."""

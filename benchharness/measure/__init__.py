@@ -1,0 +1,1 @@
+"""A frame and a method -> a record: clocks, errors, completeness."""

@@ -1,0 +1,1 @@
+"""What scenes are made with: subdivision, winding, creases, panoramas. NumPy alone."""

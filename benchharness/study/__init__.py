@@ -1,0 +1,1 @@
+"""A study as its author writes it -> validated jobs: configs, parameters, plugins."""

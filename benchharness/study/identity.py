@@ -1,0 +1,80 @@
+"""Hashes that say whether two numbers may be compared: of a scene's content, of a method's source, of a config."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import benchharness
+from benchharness.scene import Mesh, Object, Scene
+from benchharness.study import plugins
+
+LENGTH = 16
+"""Hexadecimal digits kept: 64 bits, far beyond chance among the runs of one project."""
+
+
+def of_scene(scene: Scene) -> str:
+    """Of everything that a picture of the scene is made from, over its whole animation; names and `shows` are not."""
+    digest = hashlib.sha256()
+    for part in scene.parts:
+        digest.update(type(part).__name__.encode())
+        _add_mesh(digest, part.mesh)
+        if isinstance(part, Object) and part.gloss is not None:
+            digest.update(json.dumps(["gloss", part.gloss.specular, part.gloss.exponent]).encode())
+    for reflector in scene.reflectors:
+        digest.update(json.dumps([reflector.eta, reflector.k, reflector.closed is not None]).encode())
+        if reflector.closed is not None:
+            _add_mesh(digest, reflector.closed)
+    for frame in range(scene.frames):
+        time = scene.time(frame)
+        camera = scene.camera(time)
+        digest.update(np.ascontiguousarray(scene.poses(time), np.float64).tobytes())
+        digest.update(np.array([*camera.eye, *camera.target, *camera.up, camera.fov_deg], np.float64).tobytes())
+    constants = [scene.frames, scene.fps, scene.near_plane, *scene.background, scene.ppd, scene.exposure, scene.h_max or 0.0]
+    digest.update(np.array(constants, np.float64).tobytes())
+    if scene.lights:
+        digest.update(json.dumps(["lights", [[light.position, light.intensity] for light in scene.lights]]).encode())
+    if scene.environment is not None:
+        radiance = scene.environment.radiance
+        digest.update(f"environment {radiance.shape} {scene.environment.centre} {scene.environment.ground}".encode())
+        digest.update(radiance.tobytes())
+    return digest.hexdigest()[:LENGTH]
+
+
+def of_method(method: type) -> str:
+    """Of the file that defines the class, of what that imports beside itself, and of the sources of `benchharness.kernels`.
+
+    Raises ValueError where the class has no file.
+    """
+    try:
+        source = inspect.getsourcefile(method)
+    except TypeError:
+        source = None
+    if source is None:
+        raise ValueError(f"there is no source file of {method.__name__}; accepted: a class that a file defines")
+    kernels = Path(benchharness.__file__).parent / "kernels"
+    digest = hashlib.sha256(Path(source).read_bytes())
+    for name, file in plugins.beside(Path(source), plugins.package_of(method)):
+        digest.update(name.encode() + b"\0" + file.read_bytes())
+    for file in sorted(kernels.rglob("*.py")):
+        digest.update(file.relative_to(kernels).as_posix().encode() + b"\0" + file.read_bytes())
+    return digest.hexdigest()[:LENGTH]
+
+
+def of_options(options: Mapping[str, Any]) -> str:
+    """Of plain values, whatever the order of their keys."""
+    return hashlib.sha256(json.dumps(options, sort_keys=True).encode()).hexdigest()[:LENGTH]
+
+
+def _add_mesh(digest: Any, mesh: Mesh) -> None:
+    for values in (mesh.vertices, mesh.faces, mesh.normals, mesh.albedo, mesh.emission, mesh.radiance):
+        array = np.zeros(0) if values is None else np.ascontiguousarray(values)
+        digest.update(str(array.shape).encode() + array.tobytes())
+    if mesh.visibility is not None:
+        digest.update(b"visibility" + str(mesh.visibility.shape).encode() + mesh.visibility.tobytes())

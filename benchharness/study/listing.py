@@ -1,0 +1,38 @@
+"""`list`: what there is to run, and with which parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+from benchharness.study import plugins
+from benchharness.study.apart import Apart
+
+CONFIGS = Path("configs")
+
+
+def installed(kind: str) -> Iterator[str]:
+    """Of every "method" or "scene" its name and paper, or first line of docstring, and its parameters; or why it is broken."""
+    with Apart() as apart:
+        for name, site in plugins.sites(kind).items():
+            try:
+                said = apart.call("benchharness.study.loading:describe", name, kind=kind, name=name)
+            except ValueError as error:
+                yield f"{name}  BROKEN ({site.origin}): {str(error).removeprefix(f'{name}: ')}"
+                continue
+            if said is None:
+                continue
+            yield f"{name}  ({said['says']})" if kind == "method" else f"{name}  {said['says']}".rstrip()
+            for parameter, default, accepted in said["parameters"]:
+                yield f"  {parameter} {default}  ({accepted})"
+
+
+def configs(folder: Path = CONFIGS) -> Iterator[str]:
+    """The configs of a folder with the first line of comment of each."""
+    for path in sorted(folder.glob("*.toml")):
+        first = path.read_text(encoding="utf-8", errors="replace").partition("\n")[0]
+        yield f"{path}  {first.lstrip('# ')}".rstrip() if first.startswith("#") else str(path)
+
+
+KINDS = {"methods": partial(installed, "method"), "scenes": partial(installed, "scene"), "configs": configs}

@@ -1,0 +1,1 @@
+"""Records -> tables; two tables -> a verdict. Nothing here renders."""

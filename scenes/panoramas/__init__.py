@@ -1,0 +1,1 @@
+"""What is far away, as pictures by direction."""

@@ -1,0 +1,1 @@
+"""What stands in scenes: each builds meshes, none is a scene."""

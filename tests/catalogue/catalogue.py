@@ -1,0 +1,61 @@
+"""The catalogue's figures beside this project's: `python tests/catalogue/catalogue.py`, from the repository's root.
+
+The catalogue of failures and the description of algorithms quote what a prototype measured. Each of those figures is a row: it
+is measured here with this project's kernels and accepted within an interval that has a reason, or another test pins it.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+from catalogue.catalogue_row import Elsewhere, Row
+
+from benchharness import platform
+
+NOT_HERE = {"I-20, 6.4": "distance impostors", "5.3, P-05": "oblique near planes"}  # no method of this project's
+
+
+def table() -> list[Row | Elsewhere]:
+    """Every row, by part. The parts import Mitsuba: LLVM has to be chosen before."""
+    from catalogue import catalogue_images, catalogue_searches, catalogue_secants, catalogue_triangles, catalogue_truths
+
+    parts = (catalogue_truths, catalogue_searches, catalogue_secants, catalogue_triangles, catalogue_images)
+    return [row for part in parts for row in part.ROWS]
+
+
+def exists(tested: str) -> bool:
+    """Whether a test "file::function" is there."""
+    name, _, function = tested.partition("::")
+    path = Path(__file__).parent / name
+    return path.exists() and re.search(rf"^def {function}\(", path.read_text(), re.MULTILINE) is not None
+
+
+def line(row: Row | Elsewhere) -> tuple[str, bool]:
+    """A row as text, and whether it is within its interval."""
+    if isinstance(row, Elsewhere):
+        good, ours, accepted = exists(row.tested), row.ours, row.tested
+    else:
+        value = float(row.measure())
+        good, ours, accepted = row.low <= value <= row.high, f"{value:.4g}", f"{row.low:.4g} to {row.high:.4g}"
+    cells = (row.entry, row.what, row.catalogue, ours, accepted, "within" if good else "OUTSIDE", row.why)
+    return " | ".join(cells), good
+
+
+def main() -> int:
+    platform.use_variant("llvm_ad_rgb")
+    print("entry | what | catalogue | here | accepted, or where tested | verdict | why")
+    outside = 0
+    for row in table():
+        text, good = line(row)
+        outside += not good
+        print(text, flush=True)
+    for entry, why in NOT_HERE.items():
+        print(f"{entry} | not measured: {why} are no method here")
+    print(f"{outside} outside")
+    return 1 if outside else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,184 @@
+"""What every method guarantees in every regime of failure, G1 to G5 of the catalogue, whoever wrote it.
+
+    G1  no NaN, no infinity, nothing negative
+    G2  searches end within their limit
+    G3  a vertex called converged obeys the law of reflection
+    G4  the same again bit for bit, and the same but for rounding if vertices and triangles are numbered otherwise
+    G5  the same if everything is turned and moved
+
+Derived exceptions. A vertex may have several reflections where a mirror is not convex, and which one a method comes to may
+depend on its start: then another true one is as good, and the picture of a scene that is turned may be another one. What a
+method ends with is as near to a root as the law that is left over says: |half vector - normal| by the least singular value of
+its derivative along the mirror, both in float64. Pictures within a method have texels, whose grid does not turn with the
+scene: its picture keeps within a pixel, but for few.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.ndimage import maximum_filter, minimum_filter
+from support.stress_rooms import METHODS, REGIMES, Law, Shown, any_motion, extremes, kept, laws, prepared, shown
+
+from benchharness.kernels.vertices.newton import is_convex
+from benchharness.stability import altered
+from benchharness.study import params
+
+FEWEST_STEPS = 250  # the limit of a search that has none of its own
+LAW_PX = 1.0  # pixels: what is left of the law, by what one pixel changes at most; searches stop in triangles as wide
+LAW = 0.01  # or this, |half vector - normal|, half a degree, where that is more: on a mirror that hardly turns in a pixel
+HEIGHT_PX = 0.5  # pixels: how far from the mesh; what looks at textures extrapolates from their texels
+TOUCHES = 2e-5  # of the mirror's size: a vertex as near to it is its own reflection, and there is no half vector
+MOVED = 1e-4  # of the mirror's size: R after a rigid motion
+SAME_COLOUR = 0.05  # radiance: a sixth of the checkered floor's contrast, which texels blend otherwise if they are turned
+STRAY_PX = 0.01  # share of pixels that rounding decides: edges in a picture of edges
+TURNED_PX = 0.02  # share of pixels that texels decide, if their grid is turned
+ROUNDED = 1e-3  # radiance
+
+regimes = pytest.mark.parametrize("regime", REGIMES)
+methods = pytest.mark.parametrize("method", METHODS)
+
+
+def both(method: str, regime: str) -> list[tuple[float, Shown]]:
+    """What it shows at the mildest and at the severest severity."""
+    answers = [(severity, kept(method, regime, severity)) for severity in extremes(regime)]
+    given = [(severity, answer) for severity, answer in answers if answer is not None]
+    if not given:
+        pytest.skip("the method refuses")
+    return given
+
+
+def time_of(regime: str, scene) -> float:
+    return scene.time(REGIMES[regime][0].frame)
+
+
+@methods
+@regimes
+def test_answers_are_numbers_and_searches_end_within_their_limit(method, regime):
+    limit = params.of_method(METHODS[method]).get("max_iter")
+    for _, answer in both(method, regime):
+        assert np.isfinite(answer.L).all() and (answer.L >= 0).all()
+        assert not np.isnan(answer.distance).any() and (answer.distance >= 0).all()
+        for name, value in (answer.vertices or {}).items():
+            assert np.isfinite(value).all(), name
+        if answer.vertices is not None:
+            # A search may be followed by another one from its end.
+            assert answer.vertices["iterations"].max() <= (FEWEST_STEPS if limit is None else 2 * limit.default)
+
+
+@methods
+def test_a_low_limit_is_kept(method):
+    if "max_iter" not in params.of_method(METHODS[method]):
+        pytest.skip("searches nothing")
+    answer = shown(method, "coarse_mirror", extremes("coarse_mirror")[0], max_iter=3)
+    assert answer is not None and answer.vertices is not None
+    assert 0 < answer.vertices["iterations"].max() <= 6
+    assert all(np.isfinite(value).all() for value in answer.vertices.values()) and np.isfinite(answer.L).all()
+
+
+@methods
+@regimes
+def test_what_is_called_converged_obeys_the_law_of_reflection(method, regime):
+    for severity, answer in both(method, regime):
+        if answer.vertices is None:
+            pytest.skip("reports no vertices")
+        scene = prepared(regime, severity)[0]
+        for mirror, _, law in laws(scene, answer.vertices, time_of(regime, scene)):
+            apart = law.reach > TOUCHES * size_of(scene, mirror)
+            assert obeyed(law)[apart].all()
+            assert (law.height <= HEIGHT_PX * law.pixel).all()
+            assert (law.towards[:, 0] > 0).all() and (law.towards[apart, 1] > 0).all()
+
+
+@methods
+@regimes
+def test_asked_twice_everything_is_the_same_bit_for_bit(method, regime):
+    severity, answer = both(method, regime)[-1]
+    again = shown(method, regime, severity)
+    assert again is not None and again.bytes() == answer.bytes()
+
+
+@methods
+@regimes
+def test_numbered_otherwise_everything_is_the_same_but_for_rounding(method, regime):
+    severity, answer = both(method, regime)[-1]
+    other = shown(method, regime, severity, "renumbered")
+    assert other is not None
+    assert (answer.active == other.active).all()
+    assert (np.abs(answer.L - other.L).max(axis=2) > ROUNDED).mean() <= STRAY_PX
+    if answer.vertices is not None and other.vertices is not None:
+        scene = prepared(regime, severity)[0]
+        now_at = np.argsort(altered.renumbered(scene)[1])
+        same_roots(regime, scene, answer.vertices, {k: v[:, now_at] for k, v in other.vertices.items()})
+
+
+@methods
+@regimes
+def test_turned_and_moved_everything_is_the_same(method, regime):
+    severity, answer = both(method, regime)[-1]
+    scene = prepared(regime, severity)[0]
+    if scene.environment is not None:
+        pytest.skip("a panorama's texels do not turn")
+    other = shown(method, regime, severity, "carried")
+    assert other is not None
+    if all(boxed(r, any_motion()) if answer.vertices is None else convex(scene, i) for i, r in enumerate(scene.reflectors)):
+        alike(answer, other)
+    if answer.vertices is not None and other.vertices is not None:
+        pose = any_motion()
+        back = other.vertices | {"R": (other.vertices["R"] - pose[:3, 3]) @ pose[:3, :3]}
+        same_roots(regime, scene, answer.vertices, back)
+
+
+def obeyed(law: Law) -> np.ndarray:
+    return law.off <= np.maximum(LAW, LAW_PX * law.most * law.pixel)
+
+
+def size_of(scene, mirror: int) -> float:
+    reflector = scene.reflectors[mirror]
+    return float(np.linalg.norm(np.ptp((reflector.closed or reflector.mesh).vertices, axis=0)))
+
+
+def same_roots(regime: str, scene, one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> None:
+    """Of vertices that both call converged: the same points, as near as what is left of the law allows; where the mirror is
+    not convex, other roots too."""
+    time = time_of(regime, scene)
+    first, second = ({i: (chosen, law) for i, chosen, law in laws(scene, v, time)} for v in (one, other))
+    assert first.keys() == second.keys()
+    for mirror, (chosen, law) in first.items():
+        others, other_law = second[mirror]
+        common, a, b = np.intersect1d(chosen, others, return_indices=True)
+        # What one calls converged and the other does not lies at the outline or at a focus.
+        assert len(common) >= 0.97 * max(len(chosen), len(others)) or not convex(scene, mirror)
+        apart = np.linalg.norm(one["R"][mirror, common] - other["R"][mirror, common].astype(float), axis=1)
+        allowed = 2 * (law.off[a] + other_law.off[b]) / np.minimum(law.least[a], other_law.least[b])
+        allowed += MOVED * size_of(scene, mirror) + (law.height[a] + other_law.height[b])
+        if convex(scene, mirror):
+            assert (apart <= allowed).all()
+        else:
+            assert obeyed(other_law).all()
+
+
+def boxed(reflector, pose: np.ndarray) -> bool:
+    """Whether the middle of a mirror's box along its own axes stays where it is if its vertices are moved by a rigid motion and
+    its axes are not: environment maps stand there."""
+    old = (reflector.closed or reflector.mesh).vertices
+    new = old @ pose[:3, :3].T + pose[:3, 3]
+    middles = [0.5 * (v.min(axis=0) + v.max(axis=0)) for v in (old, new)]
+    apart = np.linalg.norm(pose[:3, :3] @ middles[0] + pose[:3, 3] - middles[1])
+    return bool(apart < 0.01 * np.linalg.norm(np.ptp(old, axis=0)))
+
+
+def convex(scene, mirror: int) -> bool:
+    reflector = scene.reflectors[mirror]
+    mesh = reflector.closed or reflector.mesh
+    return is_convex(mesh.vertices, mesh.faces)
+
+
+def alike(one: Shown, other: Shown) -> None:
+    """Every pixel's colour lies among those of the other picture's pixels around it, and the other way round, but for few."""
+    common = one.active & other.active
+    assert (one.active != other.active).sum() <= TURNED_PX * common.sum() + 2
+    for a, b in ((one.L, other.L), (other.L, one.L)):
+        low, high = (f(b, (3, 3, 1)) for f in (minimum_filter, maximum_filter))
+        outside = ((a < low - SAME_COLOUR) | (a > high + SAME_COLOUR)).any(axis=2) & common
+        assert outside.sum() <= TURNED_PX * common.sum() + 2

@@ -1,0 +1,50 @@
+"""Normals of faces that came without."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+
+from benchharness.modelling.creases import creased
+
+CUBE = trimesh.creation.box()
+
+
+def test_a_box_of_eight_vertices_has_a_crease_along_every_edge():
+    vertices, faces, normals = creased(CUBE.vertices, CUBE.faces)
+    assert len(vertices) == 24
+    assert np.abs(normals).max(axis=1) == pytest.approx(np.ones(24), abs=1e-12)
+    flat = np.cross(*np.moveaxis(np.diff(vertices[faces], axis=1), 1, 0))
+    assert np.einsum("fi,fki->fk", flat, normals[faces]).min() > 0.99
+
+
+@pytest.mark.parametrize("subdivisions", [0, 1, 3])
+def test_a_ball_is_smooth_however_coarse_and_its_normals_are_nearly_exact(subdivisions):
+    ball = trimesh.creation.icosphere(subdivisions=subdivisions)
+    vertices, _, normals = creased(ball.vertices, ball.faces)
+    assert len(vertices) == len(ball.vertices)
+    assert np.abs(normals - vertices).max() < 0.02
+
+
+def test_a_seam_in_the_file_is_no_crease():
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    soup = ball.vertices[ball.faces].reshape(-1, 3)
+    vertices, _, normals = creased(soup, np.arange(len(soup)).reshape(-1, 3))
+    assert len(vertices) == len(ball.vertices)
+    assert np.abs(normals - vertices).max() < 0.02
+
+
+def test_faces_wound_at_random_get_the_normals_of_faces_wound_alike():
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    turn = np.random.default_rng(1).random(len(ball.faces)) < 0.3
+    vertices, _, normals = creased(ball.vertices, np.where(turn[:, None], ball.faces[:, ::-1], ball.faces))
+    assert np.abs(normals - vertices).max() < 0.02
+
+
+def test_the_angle_decides():
+    # Two squares that meet at 50 degrees: smooth below the crease's 60, not below 45.
+    c, s = np.cos(np.radians(50)), np.sin(np.radians(50))
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [-c, 0, s], [-c, 1, s]], float)
+    faces = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 5], [0, 5, 4]])
+    assert [len(creased(vertices, faces, angle)[0]) for angle in (60.0, 45.0)] == [6, 8]
