@@ -13,7 +13,7 @@ Doubted, all within reach of what is at hand; two pixels are the bound for what 
   and rays that pass so near to it that its depth may meet them (`kernels.billboard`)
 * the environment map where the ray passes its centre too far away for the distance of what it shows (`kernels.backdrop`)
 * what lies beyond the mirror itself, where a hollow of it is likely met again (`kernels.selfmet`)
-* second reflections that go on towards a further mirror, by its sphere; with `others` "black", every one
+* second reflections that go on towards a further mirror, by its sphere; with `other_mirrors` "black", every one
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class BillboardImpostor(Method):
     mip          lookup in the nearest level of a mip pyramid of the pictures; else in the finest level; both bilinear
     planes       texels across the picture of a flat part, of which there is one for all mirrors; a power of two
     environment  texels per edge of a face of the environment map, where one is taken
-    others       what other mirrors are: "reflective" billboards, "black" ones, or "omitted"
+    other_mirrors  what other mirrors are: "reflective" billboards, "black" ones, or "omitted"
     walls        height in metres of the walls in which the ground's picture passes into the environment; 0 for none. Only for
                  a scene whose panorama goes on from one of its objects
     attenuation  share of the light lost per metre of the reflected ray, as exp(-attenuation distance)
@@ -45,7 +45,7 @@ class BillboardImpostor(Method):
     mip: bool = True
     planes: Annotated[int, Field(ge=8, le=4096)] = 512
     environment: Annotated[int, Field(ge=4, le=4096)] = 256
-    others: Literal["reflective", "black", "omitted"] = "reflective"
+    other_mirrors: Literal["reflective", "black", "omitted"] = "reflective"
     walls: Annotated[float, Field(ge=0, le=1e6)] = 0.0
     attenuation: Annotated[float, Field(ge=0, le=1e6)] = 0.0
 
@@ -63,7 +63,7 @@ class BillboardImpostor(Method):
                 raise ValueError(f"billboard_impostor: {name} is {value}; accepted: a power of two, such as 256")
 
     def prepare(self, scene: Scene) -> imagewise.State:
-        planned = roles.plan(scene, 0, 0, self.others != "omitted", roles.ground_of(scene) if self.walls > 0 else None)
+        planned = roles.plan(scene, 0, 0, self.other_mirrors != "omitted", roles.ground_of(scene) if self.walls > 0 else None)
         return imagewise.begun(scene, planned)
 
     def update(self, state: imagewise.State, frame: Frame) -> imagewise.State:
@@ -71,7 +71,7 @@ class BillboardImpostor(Method):
         return imagewise.updated(state, frame.poses, options)
 
     def shade(self, state: imagewise.State, frame: Frame) -> tuple[Reflection, imagewise.State]:
-        manner = bounces.Manner(self.others == "reflective", frame.doubts)
+        manner = bounces.Manner(self.other_mirrors == "reflective", frame.doubts)
         shown = imagewise.shown(state, frame, manner, self.attenuation)
         return Reflection(
             shown.L, shown.distance, shown.found, counters=shown.counters, doubt=shown.doubt if frame.doubts else None

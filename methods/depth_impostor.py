@@ -48,7 +48,7 @@ class DepthImpostor(Method):
     mip          lookup in the nearest level of a mip pyramid of the pictures; else in the finest level; both bilinear
     planes       texels across the picture of a flat part, of which there is one for all mirrors; a power of two
     environment  texels per edge of a face of the environment map, where one is taken
-    others       what other mirrors are: "reflective", "black", or "omitted"
+    other_mirrors  what other mirrors are: "reflective", "black", or "omitted"
     walls        height in metres of the walls in which the ground's picture passes into the environment; 0 for none
     attenuation  share of the light lost per metre of the reflected ray, as exp(-attenuation distance)
     """
@@ -65,7 +65,7 @@ class DepthImpostor(Method):
     mip: bool = True
     planes: Annotated[int, Field(ge=8, le=4096)] = 512
     environment: Annotated[int, Field(ge=4, le=4096)] = 256
-    others: Literal["reflective", "black", "omitted"] = "reflective"
+    other_mirrors: Literal["reflective", "black", "omitted"] = "reflective"
     walls: Annotated[float, Field(ge=0, le=1e6)] = 0.0
     attenuation: Annotated[float, Field(ge=0, le=1e6)] = 0.0
 
@@ -84,7 +84,7 @@ class DepthImpostor(Method):
 
     def prepare(self, scene: Scene) -> imagewise.State:
         ground = roles.ground_of(scene) if self.walls > 0 else None
-        planned = roles.plan(scene, self.maps, self.own_maps, self.others != "omitted", ground)
+        planned = roles.plan(scene, self.maps, self.own_maps, self.other_mirrors != "omitted", ground)
         return imagewise.begun(scene, planned)
 
     def update(self, state: imagewise.State, frame: Frame) -> imagewise.State:
@@ -95,7 +95,7 @@ class DepthImpostor(Method):
         return imagewise.updated(state, frame.poses, options)
 
     def shade(self, state: imagewise.State, frame: Frame) -> tuple[Reflection, imagewise.State]:
-        manner = bounces.Manner(self.others == "reflective", frame.doubts, self.split_jump, self.anchor)
+        manner = bounces.Manner(self.other_mirrors == "reflective", frame.doubts, self.split_jump, self.anchor)
         shown = imagewise.shown(state, frame, manner, self.attenuation)
         return Reflection(
             shown.L, shown.distance, shown.found, counters=shown.counters, doubt=shown.doubt if frame.doubts else None

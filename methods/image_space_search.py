@@ -115,8 +115,8 @@ class ImageSpaceSearch(Method):
     warm           start where the last frame's search ended: at its point, seen anew ("point"), at its texel as in the
                    paper ("texel"), or start cold in every frame ("off")
     max_iter       neighbourhoods after which a search gives up
-    others         other mirrors in this one: "black", or "omitted" to show what is behind them
-    own            the mirror in itself, where it is not convex: "black", which takes one ray per pixel of it, or "omitted"
+    other_mirrors  other mirrors in this one: "black", or "omitted" to show what is behind them
+    self_reflection  the mirror in itself, where it is not convex: "black", which takes one ray per pixel of it, or "omitted"
     multi          reflections per vertex that are found and drawn; with more than one, every search is a cold one from
                    texels spread over the mirror's picture, and hidden vertices are "cut"
     """
@@ -130,8 +130,8 @@ class ImageSpaceSearch(Method):
     start: Literal["pyramid", "centre"] = "pyramid"
     warm: Literal["point", "texel", "off"] = "point"
     max_iter: Annotated[int, Field(ge=1, le=65536)] = 4096
-    others: Literal["black", "omitted"] = "black"
-    own: Literal["black", "omitted"] = "black"
+    other_mirrors: Literal["black", "omitted"] = "black"
+    self_reflection: Literal["black", "omitted"] = "black"
     multi: Annotated[int, Field(ge=1, le=8)] = 1
 
     paper: ClassVar[str] = "Estalella et al. 2006"
@@ -160,7 +160,7 @@ class ImageSpaceSearch(Method):
         )
         warm = self.warm != "off" and state.view is not None
         seen = state.scenery
-        count, shown_parts = seen.triangles.vertex_count, seen.parts_shown(self.others)
+        count, shown_parts = seen.triangles.vertex_count, seen.parts_shown(self.other_mirrors)
         doubted = dr.opaque(mi.UInt32, seen.objects) if frame.doubts else None
         drawing = virtual.Drawing("cut" if self.hidden == "cut" else "keep")
 
@@ -168,7 +168,7 @@ class ImageSpaceSearch(Method):
             window = search.window(frame.view, frame.boxes[i], self.widening)
             texels = search.render(frame.proxies[i], frame.poses, part, window.view)
             mirror, pose = state.mirrors[i], placement.pose_of(frame.poses, part)
-            own = branches.meeting(mirror.sheet, pose, self.own, frame.doubts)
+            own = branches.meeting(mirror.sheet, pose, self.self_reflection, frame.doubts)
             if mirror.seeds is not None:
                 mesh, seeds = mirror.mesh, mirror.seeds
                 made, reads = _search_several(

@@ -8,7 +8,7 @@ With `multi = 1`, finds one reflection per vertex: of several, the one that the 
 points of the mirror, or from the last frame's. A root that the mirror hides from the eye is no reflection. With more,
 walks start from all points of the mirror that agree better than those around them, rays ask what the mirror hides, and
 triangles join what belongs together (kernels.several, kernels.branches). Where the mirror meets itself it is black: one ray
-per pixel of a mirror that is not convex (`own`). Of two reflections that are about to meet on a caustic, one may be missed,
+per pixel of a mirror that is not convex (`self_reflection`). Of two reflections that are about to meet on a caustic, one may be missed,
 and triangles that reach over the caustic are not drawn.
 
 Needs no star-shaped and no convex mirror. Fails where triangles are long: images of edges are straight. Shows no second
@@ -63,16 +63,16 @@ class Newton(Method):
     """
     warm      start where the last frame's walk ended, and anew where that leads nowhere
     hidden    triangles with hidden vertices: "cut" where they become hidden, or "drop"
-    others    other mirrors in this one: "black", or "omitted" to show what is behind them
-    own       the mirror in itself, where it is not convex: "black", which takes one ray per pixel of it, or "omitted"
+    other_mirrors    other mirrors in this one: "black", or "omitted" to show what is behind them
+    self_reflection  the mirror in itself, where it is not convex: "black", which takes one ray per pixel of it, or "omitted"
     max_iter  points after which a walk gives up
     multi     reflections per vertex that are found and drawn; with more than one, every walk is a cold one
     """
 
     warm: bool = True
     hidden: Literal["cut", "drop"] = "cut"
-    others: Literal["black", "omitted"] = "black"
-    own: Literal["black", "omitted"] = "black"
+    other_mirrors: Literal["black", "omitted"] = "black"
+    self_reflection: Literal["black", "omitted"] = "black"
     max_iter: Annotated[int, Field(ge=1, le=65536)] = 60
     multi: Annotated[int, Field(ge=1, le=8)] = 1
 
@@ -102,13 +102,13 @@ class Newton(Method):
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         warm = self.warm and state.view is not None
         seen = state.scenery
-        count, shown_parts = seen.triangles.vertex_count, seen.parts_shown(self.others)
+        count, shown_parts = seen.triangles.vertex_count, seen.parts_shown(self.other_mirrors)
         max_iter = dr.opaque(mi.UInt32, self.max_iter)
         doubted = dr.opaque(mi.UInt32, seen.objects) if frame.doubts else None
 
         def solve(i: int, part: mi.UInt32) -> vertexwise.Solved:
             mesh, seeds, pose = state.mirrors[i], state.seeds[i], placement.pose_of(frame.poses, part)
-            own = branches.meeting(mesh, pose, self.own, frame.doubts)
+            own = branches.meeting(mesh, pose, self.self_reflection, frame.doubts)
             if seeds is not None:
                 made = _solve_several(
                     seen.world, shown_parts, mesh, seeds, pose, part, frame.view, self.multi, max_iter, doubted

@@ -115,8 +115,8 @@ class SecantTriangle(Method):
     hidden          triangles with hidden vertices: "cut", "drop", "emdt_mirror" or "clamp"; see above
     depth           "perspective", or "screen_linear" as in the paper (which knows no "cut" and no "emdt_mirror")
     self_occlusion  leave out what lies behind the mirror's own nearest back
-    others          other mirrors in this one: "black", or "omitted" to show what is behind them
-    own             the mirror in itself, where it is not convex: "black", which takes one ray per pixel of it, or "omitted"
+    other_mirrors   other mirrors in this one: "black", or "omitted" to show what is behind them
+    self_reflection  the mirror in itself, where it is not convex: "black", which takes one ray per pixel of it, or "omitted"
     max_iter        samples, and again points, after which a search gives up
     multi           reflections per vertex that are found and drawn; with more than one, every search is a cold one from a
                     small triangle around a point of the mirror, and hidden vertices are "cut" or their triangles dropped
@@ -132,8 +132,8 @@ class SecantTriangle(Method):
     hidden: Literal["cut", "drop", "emdt_mirror", "clamp"] = "cut"
     depth: Literal["perspective", "screen_linear"] = "perspective"
     self_occlusion: bool = True
-    others: Literal["black", "omitted"] = "black"
-    own: Literal["black", "omitted"] = "black"
+    other_mirrors: Literal["black", "omitted"] = "black"
+    self_reflection: Literal["black", "omitted"] = "black"
     max_iter: Annotated[int, Field(ge=1, le=65536)] = 60
     multi: Annotated[int, Field(ge=1, le=8)] = 1
 
@@ -183,7 +183,7 @@ class SecantTriangle(Method):
         options = Options(secant.Options(self.residual, self.stop, self.start), self.newton, self.hidden, self.depth)
         warm = self.warm and state.view is not None
         seen = state.scenery
-        count, shown_parts = seen.triangles.vertex_count, seen.parts_shown(self.others)
+        count, shown_parts = seen.triangles.vertex_count, seen.parts_shown(self.other_mirrors)
         tau, max_iter = dr.opaque(mi.Float, self.tau), dr.opaque(mi.UInt32, self.max_iter)
         doubted = dr.opaque(mi.UInt32, seen.objects) if frame.doubts else None
         policy = {"cut": "cut", "drop": "drop", "emdt_mirror": "keep", "clamp": "keep"}[self.hidden]
@@ -191,7 +191,9 @@ class SecantTriangle(Method):
         def solve(i: int, part: mi.UInt32) -> vertexwise.Solved:
             mirror, picture, back = state.mirrors[i], None, None
             pose = placement.pose_of(frame.poses, part)
-            own = branches.meeting(mirror.mesh if mirror.sheet is None else mirror.sheet, pose, self.own, frame.doubts)
+            own = branches.meeting(
+                mirror.mesh if mirror.sheet is None else mirror.sheet, pose, self.self_reflection, frame.doubts
+            )
             if mirror.seeds is not None:
                 made, backtracks = _solve_several(
                     seen.world,

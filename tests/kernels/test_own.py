@@ -58,7 +58,7 @@ def test_a_mirror_is_black_where_it_meets_itself_and_else_shows_what_is_behind(n
     """But for triangles that lie nearer by mistake: with one reflection per vertex, corners may have different roots."""
     made = zones(0.35)
     renderer = FrameRenderer(made, *SIZE)
-    methods = (ALL[name], replace(ALL[name], own="omitted"), RayTraced(bounces=1))
+    methods = (ALL[name], replace(ALL[name], self_reflection="omitted"), RayTraced(bounces=1))
     black, omitted, truth = (shaded(method, made, 0, size=SIZE, renderer=renderer)[0] for method in methods)
     meets = truth.active & (truth.L.max(axis=2) == 0)
     assert meets.sum() > 0.3 * truth.active.sum()
@@ -70,5 +70,5 @@ def test_a_mirror_is_black_where_it_meets_itself_and_else_shows_what_is_behind(n
 
 @every_method
 def test_a_convex_mirror_does_not_ask(name):
-    black, omitted = (shaded(replace(ALL[name], own=own), mirror_room(), 0)[0] for own in ("black", "omitted"))
+    black, omitted = (shaded(replace(ALL[name], self_reflection=own), mirror_room(), 0)[0] for own in ("black", "omitted"))
     assert black.same(omitted)

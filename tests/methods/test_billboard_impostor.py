@@ -263,7 +263,7 @@ def test_a_rod_is_as_wide_as_it_is_from_wherever_mirrors_see_it(thick):
         camera = still((at + 1.2 * aside).tolist(), (at + 0.3 * halfway / np.linalg.norm(halfway)).tolist(), 12.0)
         mirrors = tuple(mirror_ball(f"m{i}", p, 0.3) for i, p in enumerate(places))
         made = scene((Object("rod", red, "is thin"),), mirrors, camera, background=SKY)
-        answer, exact = one(BillboardImpostor(others="black"), made), one(RayTraced(), made)
+        answer, exact = one(BillboardImpostor(other_mirrors="black"), made), one(RayTraced(), made)
         seen, true = ((a.L[..., 0] > 0.5) & a.active for a in (answer, exact))
         assert true.sum() > 30
         assert (seen & true).sum() > 0.6 * (seen | true).sum()

@@ -28,12 +28,12 @@ def test_i07_a_pixel_meets_d_plus_r_minus_1_quads_and_d_more_for_a_second_reflec
     assert 10 < second.sum() < answer.active.sum() / 2
     assert set(tests[second]) == {twice} and set(tests[answer.active & ~second]) == {once}
     assert (tests[~answer.active] == 0).all()
-    black = one(BillboardImpostor(others="black"), made)
+    black = one(BillboardImpostor(other_mirrors="black"), made)
     np.testing.assert_array_equal(black.counted("second_order") == 1, second)
     assert set(black.counted("quad_tests")[answer.active]) == {once}
     assert (black.L[second] == 0).all() and (answer.L[second].max(axis=1) > 0).all()
     np.testing.assert_array_equal(black.L[~second], answer.L[~second])
-    omitted = one(BillboardImpostor(others="omitted"), made)
+    omitted = one(BillboardImpostor(other_mirrors="omitted"), made)
     assert set(omitted.counted("quad_tests")[answer.active]) == {objects}
     assert not omitted.counted("second_order").any()
     np.testing.assert_array_equal(omitted.L[~second], answer.L[~second])
@@ -56,7 +56,7 @@ def test_i07_a_second_reflection_is_nearer_to_the_truth_than_black_or_none_and_m
     for gap in (1.0, 2.0, 4.0):
         made = far_mirrors(gap)
         exact = one(RayTraced(bounces=2), made)
-        answers = [one(BillboardImpostor(others=o), made) for o in ("reflective", "black", "omitted")]
+        answers = [one(BillboardImpostor(other_mirrors=o), made) for o in ("reflective", "black", "omitted")]
         second = answers[0].counted("second_order") == 1
         assert second.sum() > 100
         errors.append([rms(a, exact, second) for a in answers])

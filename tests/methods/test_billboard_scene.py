@@ -181,7 +181,7 @@ def test_a_scene_in_which_only_the_eye_moves_is_never_taken_again():
 
 def test_a_card_that_moved_is_shown_where_it_is_without_a_new_picture():
     made = moving(card=shift(0.3, -0.1, 0.2))
-    before, answer = shaded(BillboardImpostor(others="black"), made, 0, 1, size=(192, 128))
+    before, answer = shaded(BillboardImpostor(other_mirrors="black"), made, 0, 1, size=(192, 128))
     exact = one(RayTraced(), made, (192, 128), 1)
     yellow = [(np.abs(a.L - (0.9, 0.8, 0.1)).max(axis=2) < 0.01) & a.active for a in (before, answer, exact)]
     assert yellow[2].sum() > 100

@@ -306,7 +306,7 @@ def test_a_ray_that_goes_on_to_a_third_mirror_is_doubted():
 
 
 def test_mirrors_that_are_black_in_other_mirrors_are_doubted():
-    for method in (BillboardImpostor(others="black"), EnvironmentMap()):
+    for method in (BillboardImpostor(other_mirrors="black"), EnvironmentMap()):
         _, recall, wolf = judged(method, facing(), bounces=8)
         assert recall > 0.75 and wolf < 0.1
 

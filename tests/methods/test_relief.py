@@ -208,7 +208,7 @@ def test_a_convex_mirror_does_not_meet_itself(intersector):
 def test_reflections_of_second_order_are_nearer_than_by_billboards():
     made = pair()
     exact, boards, maps, black = answers(
-        made, RayTraced(bounces=4), BillboardImpostor(), DepthImpostor(), DepthImpostor(others="black")
+        made, RayTraced(bounces=4), BillboardImpostor(), DepthImpostor(), DepthImpostor(other_mirrors="black")
     )
     second = picture(made, SIZE).second
     again = maps.counted("second_order") > 0
@@ -280,7 +280,7 @@ def test_a_scene_of_planes_has_no_depth_maps():
         ("turn", 181.0, "at most 180"),
         ("attenuation", -1.0, "at least 0"),
         ("resolution", 4, "at least 8"),
-        ("others", "grey", '"reflective" or "black" or "omitted"'),
+        ("other_mirrors", "grey", '"reflective" or "black" or "omitted"'),
     ],
 )
 def test_a_bad_value_is_refused_with_what_is_accepted(name, value, text):

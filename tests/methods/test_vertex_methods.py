@@ -400,7 +400,7 @@ def mirrors():
 @every_method
 def test_other_mirrors_are_black_or_as_if_they_were_not_there(name, mirrors):
     made, alone = scene((walls(), *balls()), mirrors), scene((walls(), *balls()), mirrors[:1])
-    black, omitted = (shaded(replace(ALL[name], others=o), made, 0)[0] for o in ("black", "omitted"))
+    black, omitted = (shaded(replace(ALL[name], other_mirrors=o), made, 0)[0] for o in ("black", "omitted"))
     single = shaded(ALL[name], alone, 0)[0]
     own = (reflector_of(black) == 0) & (reflector_of(single) == 0)
     dark = (black.L.max(axis=2) == 0) & black.found & own
