@@ -8,8 +8,8 @@ With `multi = 1`, finds one reflection per vertex: of several, the one that the 
 points of the mirror, or from the last frame's. A root that the mirror hides from the eye is no reflection. With more,
 walks start from all points of the mirror that agree better than those around them, rays ask what the mirror hides, and
 triangles join what belongs together (kernels.several, kernels.branches). Where the mirror meets itself it is black: one ray
-per pixel of a mirror that is not convex (`self_reflection`). Of two reflections that are about to meet on a caustic, one may be missed,
-and triangles that reach over the caustic are not drawn.
+per pixel of a mirror that is not convex (`self_reflection`). Of two reflections that are about to meet on a caustic, one may
+be missed, and triangles that reach over the caustic are not drawn.
 
 Needs no star-shaped and no convex mirror. Fails where triangles are long: images of edges are straight. Shows no second
 bounce.
