@@ -115,7 +115,7 @@ def compare(base: Path, new: Path, *, fail_on_time: bool = False) -> Verdict:
     if not common:
         findings.append(Finding("not comparable", "rows", "the two have no row in common"))
     timed = [key for key in common if _timed([table.get(key) for side in sides for table in side.tables])]
-    found = times.judge(sides[0].tables, sides[1].tables, timed)
+    found = times.judge(sides[0].tables, sides[1].tables, timed, rounds(base, new))
     findings += _paces(found, old, fail_on_time)
     groups = tuple(dict.fromkeys(_group(young[key]) for key in common))
     return Verdict(base, new, runs, groups, len(common), tuple(findings), found, command)
@@ -135,6 +135,20 @@ def _folders(path: Path) -> list[Path]:
         if not (run / "results.csv").exists():
             raise ValueError(f"{run} holds a run that was not finished; accepted: finished runs, see `--resume`")
     return runs or [path]
+
+
+def rounds(*sides: Path) -> list[dict[tuple, list[float]]] | None:
+    """The rounds of all runs, see `times.judge`; None where a side is a table alone, and no run."""
+    folders = [folder for side in sides for folder in _folders(side)]
+    if not all((folder / "samples.csv").is_file() for folder in folders):
+        return None
+    runs = []
+    for folder in folders:
+        found: dict[tuple, list[float]] = {}
+        for sample in results.read_samples(folder):
+            found.setdefault((*results.key(sample), sample["clock"]), []).append(sample["ms"])
+        runs.append(found)
+    return runs
 
 
 def _by_key(path: Path, records: list[dict]) -> dict[tuple, dict]:

@@ -4,10 +4,13 @@ A run is one observation. The rounds within it share a process, a memory layout 
 steady that process was, and nothing of the next one. So it is the runs of a side that differ, and their differences that a
 change has to stand out from.
 
-The number of a run is the logarithm of a frame's median time, over the frames its mean, so that frames of unlike cost weigh
-the same. What the unchanged methods of the same frame share, which were timed in turns with it, is drift of the machine and
-is subtracted. Welch's t-test then compares the sides, and the p of all tests are adjusted for their number (Benjamini and
-Hochberg 1995; without any change, the chance of one false alarm among them is at most ALPHA).
+The number of a run is the logarithm of a frame's quickest round, over the frames its mean, so that frames of unlike cost weigh
+the same. Whoever else uses the machine only ever adds to a round, often as much again: two runs of one kernel beside somebody
+else may differ ten times as much in their medians. What the unchanged
+methods of the same frame share, which were timed in turns with it, is drift of the machine. It is subtracted where the sides
+differ by it, and where a method's runs are steadier without it: what hardly follows the drift would only take on its noise.
+Welch's t-test then compares the sides, and the p of all tests are adjusted for their number (Benjamini and Hochberg 1995;
+without any change, the chance of one false alarm among them is at most ALPHA).
 """
 
 from __future__ import annotations
@@ -32,6 +35,8 @@ SAME = 0.05
 """Log of the ratio within which the whole 95 % interval lies where two sides are the same."""
 STEADIEST = 0.005
 """Standard deviation between runs, of the log, that no machine is better than; fewer runs may look steadier by chance."""
+TRIM = 0.1
+"""Share of the runs, the farthest out, that do not count where it is asked which of two series is steadier."""
 FACTOR = 1.25
 """Ratio from which on a difference is worth saying although it is not proven."""
 LEAST_UNCHANGED = 3
@@ -39,6 +44,8 @@ LEAST_UNCHANGED = 3
 
 Table = Mapping[tuple, Mapping[str, Any]]
 """results.key -> record, of one run."""
+Rounds = Mapping[tuple, Sequence[float]]
+"""(results.key, clock) -> ms of every round of one run."""
 Group = tuple[str, str, str, str, str]
 """Scene, detail, method, parameters, clock."""
 
@@ -73,13 +80,16 @@ class Times:
     drift: dict[str, float]
 
 
-def judge(base: Sequence[Table], new: Sequence[Table], keys: Iterable[tuple]) -> Times:
-    """Compares the times of the rows `keys`, all of which have been measured in all runs of both sides."""
+def judge(base: Sequence[Table], new: Sequence[Table], keys: Iterable[tuple], rounds: Sequence[Rounds] | None = None) -> Times:
+    """Compares the times of the rows `keys`, all of which have been measured in all runs of both sides.
+
+    rounds  of every run, those of the base first; where a run lacks them, its medians are compared
+    """
     keys = list(keys)
     environments = [{run[key]["environment"] for run in side for key in keys} for side in (base, new)]
     apart = environments[0] != environments[1]
-    series = dict(_series(base, new, keys, calibrated=apart))
-    steady = _without_drift(series, _unchanged(base, new, keys))
+    series = dict(_series(base, new, keys, rounds, calibrated=apart))
+    steady = _without_drift(series, _unchanged(base, new, keys), len(base))
     runs = len(base), len(new)
     unproven = _unproven(runs, apart)
     groups: dict[Group, list[np.ndarray]] = {}
@@ -99,7 +109,7 @@ def _unproven(runs: tuple[int, int], apart: bool) -> str | None:
 
 
 def _series(
-    base: Sequence[Table], new: Sequence[Table], keys: Sequence[tuple], *, calibrated: bool
+    base: Sequence[Table], new: Sequence[Table], keys: Sequence[tuple], rounds: Sequence[Rounds] | None, *, calibrated: bool
 ) -> Iterator[tuple[tuple, np.ndarray]]:
     """(scene, detail, frame, method, params, clock) -> log of the times of all runs, those of the base first.
 
@@ -109,6 +119,8 @@ def _series(
         records = [run[key] for run in (*base, *new)]
         for clock in CLOCKS:
             times = [record[f"{clock}_ms"] for record in records]
+            if rounds is not None and all((*key, clock) in run for run in rounds):
+                times = [min(run[*key, clock]) for run in rounds]
             scale = [record["calibration_ms"] for record in records] if calibrated else [1.0] * len(records)
             if not all(times) or not all(scale):
                 continue
@@ -127,10 +139,10 @@ def _unchanged(base: Sequence[Table], new: Sequence[Table], keys: Sequence[tuple
     return found
 
 
-def _without_drift(series: Mapping[tuple, np.ndarray], unchanged: Collection[tuple]) -> dict[tuple, np.ndarray]:
-    """The series less the median of the unchanged methods of the same frame and clock.
+def _without_drift(series: Mapping[tuple, np.ndarray], unchanged: Collection[tuple], split: int) -> dict[tuple, np.ndarray]:
+    """The series less the median of the unchanged methods of the same frame and clock, where that is their drift, too.
 
-    A method is left out of the median that is subtracted from itself, or its own noise would be.
+    A method is left out of the median that is subtracted from itself, or its own noise would be. `split`: runs of the base.
     """
     groups: dict[tuple, list[tuple]] = {}
     for key in series:
@@ -139,11 +151,26 @@ def _without_drift(series: Mapping[tuple, np.ndarray], unchanged: Collection[tup
     steady = dict(series)
     for members in groups.values():
         still = {key: series[key] - series[key].mean() for key in members if key[:-1] in unchanged}
+        moved = bool(still) and _apart(np.median(list(still.values()), axis=0), split)
         for key in members:
             others = [values for other, values in still.items() if other != key]
             if len(others) >= LEAST_UNCHANGED:
-                steady[key] = series[key] - np.median(others, axis=0)
+                drift = np.median(others, axis=0)
+                if moved or _spread(series[key] - drift, split) < _spread(series[key], split):
+                    steady[key] = series[key] - drift
     return steady
+
+
+def _apart(drift: np.ndarray, split: int) -> bool:
+    """Whether the sides differ by it; of fewer runs than prove anything, always."""
+    sides = np.split(drift, [split])
+    return min(map(len, sides)) < LEAST_RUNS or _tested(*sides).p < ALPHA
+
+
+def _spread(values: np.ndarray, split: int) -> float:
+    """Variance within the sides, without their outliers."""
+    squares = [np.sort((side - np.median(side)) ** 2) for side in np.split(values, [split])]
+    return sum(float(side[: len(side) - int(TRIM * len(side))].mean()) for side in squares)
 
 
 def _drift(series: Mapping[tuple, np.ndarray], steady: Mapping[tuple, np.ndarray], runs: int) -> dict[str, float]:

@@ -122,3 +122,50 @@ def test_times_of_a_launch_and_times_that_a_run_lacks_are_not_compared():
 def test_nothing_to_compare_is_no_alarm():
     found = times.judge([{}], [{}], [])
     assert found.paces == () and found.unproven is not None
+
+
+def test_what_does_not_follow_the_drift_does_not_take_on_its_noise():
+    """A kernel that computes among others that wait for memory, which is what runs differ in."""
+    rng = np.random.default_rng(11)
+    found = []
+    for _ in range(20):
+        base, new = machine(rng, slower=1.1, own=0.02, shared=0.15)
+        for number, run in enumerate((*base, *new)):
+            for key, record in run.items():
+                if key[3] == "m0":
+                    record["shade_ms"] = (1.1 if number >= RUNS else 1.0) * np.exp(0.03 * rng.standard_normal())
+        found.append(alarms(judged((base, new))))
+    assert sum("m0" in methods for methods in found) >= 18
+    assert all(methods in ([], ["m0"]) for methods in found)
+
+
+def interrupted(rng, ms: float) -> list[float]:
+    """Fifteen rounds of a kernel, beside somebody who takes a core away from most of them, and in some runs from nearly all."""
+    busy = rng.choice([0.1, 0.4, 0.7])
+    return [
+        ms * (1 + 0.02 * abs(rng.standard_normal())) * (rng.uniform(1.5, 3.5) if rng.random() < busy else 1.0)
+        for _ in range(15)
+    ]
+
+
+def test_rounds_that_are_interrupted_hide_no_slower_kernel_and_are_none():
+    rng = np.random.default_rng(12)
+    by_rounds, by_medians, false = 0, 0, 0
+    for number in range(30):
+        slower = 1.1 if number < 20 else 1.0
+        sides = machine(rng, own=0.01, shared=0.02)
+        rounds = []
+        for place, run in enumerate(itertools.chain(*sides)):
+            taken = {}
+            for key, record in run.items():
+                ms = record["shade_ms"] * (slower if place >= RUNS and key[3] == "m0" else 1.0)
+                taken[*key, "shade"] = interrupted(rng, ms)
+                record["shade_ms"] = float(np.median(taken[*key, "shade"]))
+            rounds.append(taken)
+        found = alarms(times.judge(*sides, list(sides[0][0]), rounds))
+        if slower > 1:
+            by_rounds += found == ["m0"]
+            by_medians += alarms(judged(sides)) == ["m0"]
+        else:
+            false += bool(found)
+    assert (by_rounds >= 18, by_medians < 5, false) == (True, True, 0), (by_rounds, by_medians)
