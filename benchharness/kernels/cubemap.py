@@ -17,14 +17,14 @@ import drjit as dr
 import mitsuba as mi
 
 from benchharness.kernels import geometry, raster, surroundings
-from benchharness.kernels.images.window import Window
+from benchharness.kernels.types import View
 
 
 def _unit(axis: int) -> mi.Vector3f:
     return mi.Vector3f(*(1.0 if k == axis else 0.0 for k in range(3)))
 
 
-def _window(face: int, n: int, centre: mi.Point3f, near: mi.Float) -> Window:
+def _window(face: int, n: int, centre: mi.Point3f, near: mi.Float) -> View:
     axis, sign = face // 2, 1 - 2 * (face % 2)
     forward, u, v = sign * _unit(axis), _unit((axis + 1) % 3), _unit((axis + 2) % 3)
     focal, middle = 0.5 * n, 0.5 * n + 1
@@ -32,7 +32,7 @@ def _window(face: int, n: int, centre: mi.Point3f, near: mi.Float) -> Window:
     def row(direction: mi.Vector3f) -> mi.Vector4f:
         return mi.Vector4f(direction.x, direction.y, direction.z, -dr.dot(direction, centre))
 
-    return Window(
+    return View(
         eye=centre,
         x=row(focal * u + middle * forward),
         y=row(focal * v + middle * forward),

@@ -11,19 +11,21 @@ is shut in by what moves or by other mirrors, is not enclosed.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from benchharness.scene import Reflector, Scene
+if TYPE_CHECKING:
+    from benchharness.kernels.types import ReflectorLike, SceneLike
 
 RAYS = 1 << 16
 FEW = 1 << 12  # rays that find every window; without one, all are asked
-PULLED = (
-    0.01  # rays start so far, of the way, from the mirror towards its middle: it may touch a wall, or sink into it a little
-)
+# Rays start so far, of the way, from the mirror towards its middle: it may touch a wall, or sink into it a little.
+PULLED = 0.01
 STEPS = 1.1673039782614187 ** -np.arange(1.0, 5.0)  # of the most even sequence in four dimensions: roots of x^5 = x + 1
 
 
-def enclosed(scene: Scene) -> tuple[bool, ...]:
+def enclosed(scene: SceneLike) -> tuple[bool, ...]:
     """Per reflector of the scene, over all frames. Waits for the device."""
     walls = [o.mesh.transformed(o.pose(0.0)) for o in scene.objects if o.motion is None]
     if not walls or not scene.reflectors:
@@ -46,7 +48,7 @@ def enclosed(scene: Scene) -> tuple[bool, ...]:
     return tuple(answers)
 
 
-def _rays(scene: Scene, reflector: Reflector, count: int) -> tuple[np.ndarray, np.ndarray]:
+def _rays(scene: SceneLike, reflector: ReflectorLike, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Origins and unit directions in world space, float64 [count, 3] each; the same ones every time."""
     x = (0.5 + np.arange(count)[:, None] * STEPS) % 1.0
     vertices = reflector.mesh.vertices

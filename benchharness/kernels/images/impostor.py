@@ -20,7 +20,7 @@ import trimesh
 from benchharness.kernels import geometry, raster
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.images.depthmap import BACKGROUND
-from benchharness.kernels.images.window import Window
+from benchharness.kernels.types import View
 
 FIELD = np.radians(10.0)  # full angle that a camera sees (PMDS06 3)
 FLAT = 0.05  # thickness over length up to which a part is a plane
@@ -137,7 +137,7 @@ def _standing(shape: Shape, centre, a, b, k, half, distance: float) -> Stand:
     return Stand(centre, a, b, k, half, distance, float(depth.min()) - margin, float(depth.max()) + margin)
 
 
-def window(stand: Stand, width: int) -> Window:
+def window(stand: Stand, width: int) -> View:
     """The camera on the device, for a picture of width x width texels."""
     focal = [0.5 * width * stand.distance / half for half in stand.half]
     eye, forward = stand.eye, -stand.k
@@ -146,7 +146,7 @@ def window(stand: Stand, width: int) -> Window:
         return mi.Vector4f(*map(float, direction), float(-np.dot(direction, eye)))
 
     right, down = stand.a / focal[0], stand.b / focal[1]
-    made = Window(
+    made = View(
         eye=mi.Point3f(*map(float, eye)),
         x=row(focal[0] * stand.a + 0.5 * width * forward),
         y=row(focal[1] * stand.b + 0.5 * width * forward),
@@ -180,7 +180,7 @@ def faces_of(triangles: geometry.Geometry, part: int) -> tuple[mi.UInt32, int]:
 
 
 def picture(
-    world: geometry.Geometry, faces: mi.UInt32, count: int, camera: Window, viewer: mi.Point3f, stand: mi.Vector2f, mirror: bool
+    world: geometry.Geometry, faces: mi.UInt32, count: int, camera: View, viewer: mi.Point3f, stand: mi.Vector2f, mirror: bool
 ) -> tuple[mi.Float, mi.Float]:
     """Takes the picture of `count` triangles: 4 floats per texel, and its depth map.
 
@@ -194,7 +194,7 @@ def picture(
 
 
 @frozen
-def _resolved(world: geometry.Geometry, faces, visibility, camera: Window, viewer, stand, mirror: bool):
+def _resolved(world: geometry.Geometry, faces, visibility, camera: View, viewer, stand, mirror: bool):
     lane = dr.arange(mi.UInt32, camera.width * camera.height)
     hit, face, weights, p = raster.seen(world.points, faces, visibility, camera, lane)
     if mirror:
