@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from benchharness.execution import rerun
-from benchharness.tables import compare, results, times
+from benchharness.tables import compare, formats, results, times
 
 STUDY = """
 [run]
@@ -183,7 +183,7 @@ def main() -> None:
     for clock, (raw, steady) in spreads(read(folder)).items():
         print(f"{clock}: a method varies between runs by {100 * raw:.1f} %, beside the drift by {100 * steady:.1f} %")
     for new in ("again", "slower"):
-        print(compare.render(compare.compare(folder / "runs" / "base", folder / "runs" / new, fail_on_time=True)))
+        print(formats.as_text(compare.compare(folder / "runs" / "base", folder / "runs" / new, fail_on_time=True)))
     tables = read(folder)
     for runs in sorted({times.LEAST_RUNS, 8, asked.runs}):
         if times.LEAST_RUNS <= runs <= asked.runs:
