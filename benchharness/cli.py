@@ -1,8 +1,4 @@
-"""The command line. No logic: every command is one call, and an exit code with one meaning.
-
-0 fine; 1 a regression was found; 2 the user's input is wrong; 3 incomplete (something crashed, or nothing ran); 4 the
-two sides cannot be compared; 5 the environment is broken.
-"""
+"""The command line. No logic: every command is one call, and an exit code with one meaning (`benchharness.exits`)."""
 
 from __future__ import annotations
 
@@ -19,8 +15,8 @@ from rich.console import Console
 from rich.markup import escape
 
 from benchharness import __version__, platform
+from benchharness.exits import Exit
 
-FINE, REGRESSION, WRONG_INPUT, INCOMPLETE, INCOMPARABLE, BROKEN_ENVIRONMENT = range(6)
 BASELINES = Path("results") / "baselines"
 EXHAUSTED = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOLCK)
 """What no other input mends: the disk is full or broken, too many files are open, there are no locks."""
@@ -36,7 +32,7 @@ app = typer.Typer(
 def _version(wanted: bool) -> None:
     if wanted:
         print(f"benchharness {__version__}")
-        raise typer.Exit(FINE)
+        raise typer.Exit(Exit.FINE)
 
 
 @app.callback()
@@ -67,13 +63,13 @@ def run(
         from benchharness.execution import progress, runner
         from benchharness.study import config as configs
         from benchharness.study import plugins
-        from benchharness.tables import results
+        from benchharness.tables import origin
 
         console = Console()
         with progress.listener(console) as listener:
             study = configs.load(config, plugin or (), only or (), listener.note)
             code, folder = runner.run(study, out, listener, resume=resume, yes=yes, cluster=cluster)
-        results.write_command(folder, config, [plugins.absolute(spec, Path.cwd()) for spec in plugin or ()])
+        origin.write_command(folder, config, [plugins.absolute(spec, Path.cwd()) for spec in plugin or ()])
         print(report.write(folder))
         return code
 
@@ -127,11 +123,13 @@ def speed(
 
     def action() -> int:
         from benchharness.execution import folder
+        from benchharness.report import speed as charts
         from benchharness.speed import sitting
 
         place = out or folder.stamped("speed")
         sitting.speed(place, size, frame, detail, rounds, Console(), vertices, iterations, impostors, complexity)
-        return FINE
+        charts.write(place)
+        return Exit.FINE
 
     _exit(action)
 
@@ -144,7 +142,7 @@ def report(run: Annotated[Path, typer.Argument(help="a run folder")]) -> None:
         from benchharness import report
 
         print(report.write(run))
-        return FINE
+        return Exit.FINE
 
     _exit(action)
 
@@ -161,14 +159,14 @@ def compare(
     """Say whether a change made it better or worse. Exit code 1 for a regression, 4 if it cannot be said."""
 
     def action() -> int:
-        from benchharness.tables import compare
+        from benchharness.tables import compare, formats
 
-        if format not in compare.FORMATS:
+        if format not in formats.FORMATS:
             from benchharness.study import plugins
 
-            raise ValueError(f"--format: {plugins.unknown(format, compare.FORMATS)}")
+            raise ValueError(f"--format: {plugins.unknown(format, formats.FORMATS)}")
         verdict = compare.compare(base, new, fail_on_time=fail_on_time)
-        print(compare.FORMATS[format](verdict))
+        print(formats.FORMATS[format](verdict))
         return verdict.exit_code
 
     _exit(action)
@@ -192,7 +190,7 @@ def rerun(
 
     def action() -> int:
         from benchharness.execution import folder, rerun
-        from benchharness.tables import compare
+        from benchharness.tables import compare, formats
 
         options = [word for name in only or () for word in ("--only", name)]
         options += [word for spec in plugin or () for word in ("--plugin", spec)]
@@ -200,9 +198,10 @@ def rerun(
         try:
             sides = rerun.rerun([str(config), *options], times, against, place, print, resume=resume)
         except rerun.RunFailed as error:
-            return _said(error, error.code if error.code in range(WRONG_INPUT, BROKEN_ENVIRONMENT + 1) else INCOMPLETE)
+            known = set(Exit) - {Exit.FINE, Exit.REGRESSION}
+            return _said(error, error.code if error.code in known else Exit.INCOMPLETE)
         verdict = compare.compare(*sides, fail_on_time=True)
-        print(compare.render(verdict))
+        print(formats.as_text(verdict))
         return verdict.exit_code
 
     _exit(action)
@@ -218,19 +217,19 @@ def accept(
     """Make a run the baseline of its config."""
 
     def action() -> int:
-        from benchharness.tables import compare
+        from benchharness.tables import baseline
 
-        print(compare.accept(run, baselines, because, replaces=replace))
-        return FINE
+        print(baseline.accept(run, baselines, because, replaces=replace))
+        return Exit.FINE
 
     _exit(action)
 
 
 @app.command("list")
 def list_(
-    what: Annotated[str | None, typer.Argument(help="methods, scenes or configs; all if not given")] = None,
+    what: Annotated[str | None, typer.Argument(help="methods, scenes, configs or metrics; all if not given")] = None,
 ) -> None:
-    """Show what there is to run, and with which parameters."""
+    """Show what there is to run, with which parameters, and what is measured."""
 
     def action() -> int:
         from benchharness.study import listing, plugins
@@ -242,7 +241,7 @@ def list_(
                 print(f"{kind}:")
             for line in listing.KINDS[kind]():
                 print(line)
-        return FINE
+        return Exit.FINE
 
     _exit(action)
 
@@ -256,7 +255,7 @@ def new_method(name: Annotated[str, typer.Argument(help="such as my_method")]) -
 
         path = template.new_method(name, Path())
         print(f"{path}\nbenchharness check-method {path}\nbenchharness run CONFIG --plugin {path}")
-        return FINE
+        return Exit.FINE
 
     _exit(action)
 
@@ -271,7 +270,7 @@ def check_method(file: Annotated[str, typer.Argument(metavar="FILE[:NAME]")]) ->
         found = check.check(file)
         for finding in found:
             print(f"{finding.level}  {finding.text}")
-        return WRONG_INPUT if any(finding.level == "fail" for finding in found) else FINE
+        return Exit.WRONG_INPUT if any(finding.level == "fail" for finding in found) else Exit.FINE
 
     _exit(action)
 
@@ -288,7 +287,7 @@ def doctor() -> None:
             print(f"{diagnosis.name}: {'works' if diagnosis.works else 'does not work'}: {diagnosis.seen}")
             if diagnosis.mend is not None:
                 print(f"  mend: {diagnosis.mend}")
-        return FINE if doctor.usable(diagnoses) else BROKEN_ENVIRONMENT
+        return Exit.FINE if doctor.usable(diagnoses) else Exit.BROKEN_ENVIRONMENT
 
     _exit(action)
 
@@ -301,11 +300,11 @@ def main() -> None:
         app()
     except (SystemExit, KeyboardInterrupt) as end:
         if _interrupted(end):  # outside any command, where Typer has a code of its own
-            sys.exit(INCOMPLETE)
+            sys.exit(Exit.INCOMPLETE)
         raise
     except Exception:
         traceback.print_exc()
-        sys.exit(INCOMPLETE)
+        sys.exit(Exit.INCOMPLETE)
 
 
 def _interrupted(end: BaseException | None) -> bool:
@@ -317,7 +316,7 @@ def _exit(action: Callable[[], int]) -> NoReturn:
     try:
         code = _code(action)
     except KeyboardInterrupt:
-        code = _said("interrupted; the same with --resume takes up where it stopped", INCOMPLETE)
+        code = _said("interrupted; the same with --resume takes up where it stopped", Exit.INCOMPLETE)
     raise typer.Exit(code)
 
 
@@ -327,14 +326,16 @@ def _code(action: Callable[[], int]) -> int:
     try:
         return action()
     except platform.EnvironmentBroken as error:
-        return _said(error, BROKEN_ENVIRONMENT)
+        return _said(error, Exit.BROKEN_ENVIRONMENT)
     except Incomparable as error:
-        return _said(error, INCOMPARABLE)
+        return _said(error, Exit.INCOMPARABLE)
     except ValueError as error:
-        return _said(error, WRONG_INPUT)
+        return _said(error, Exit.WRONG_INPUT)
     except OSError as error:
         where = f"{error.filename}: " if error.filename is not None else ""
-        return _said(f"{where}{error.strerror or error}", BROKEN_ENVIRONMENT if error.errno in EXHAUSTED else WRONG_INPUT)
+        return _said(
+            f"{where}{error.strerror or error}", Exit.BROKEN_ENVIRONMENT if error.errno in EXHAUSTED else Exit.WRONG_INPUT
+        )
 
 
 def _said(message: object, code: int) -> int:

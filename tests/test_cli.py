@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from benchharness import cli, platform, report, stability
 from benchharness.execution import check, cluster, doctor, runner
-from benchharness.tables import results
+from benchharness.tables import baseline, compare, formats, origin
 
 
 def call(*arguments: object):
@@ -34,7 +34,7 @@ def test_run_ends_with_the_reports_path_and_resume_and_only_and_plugin_reach_the
     assert done.exit_code == 0, done.output
     assert done.stdout.splitlines()[-1] == str(tmp_path / "out" / "report.html")
     assert "frame 4: 1 ok" in done.stdout
-    command = results.read_command(tmp_path / "out")
+    command = origin.read_command(tmp_path / "out")
     assert command == {"config": str(path), "plugins": [str(tmp_path / "extra.py")]}
     again = call("run", path, "--out", tmp_path / "out")
     assert (again.exit_code, "holds a run" in again.stderr) == (2, True)
@@ -144,12 +144,10 @@ def test_a_cluster_is_given_every_job_and_its_rows_come_out_in_order(tmp_path, f
 
 def test_compare_report_and_accept_hand_on_and_answer(tmp_path, monkeypatch):
     verdict = types.SimpleNamespace(exit_code=1)
-    fake = types.ModuleType("benchharness.tables.compare")
-    fake.compare = lambda base, new, fail_on_time: verdict
-    fake.FORMATS = {"text": lambda v: "worse", "json": lambda v: "{}"}
-    fake.accept = lambda run, baselines, because, replaces: baselines / f"{run.name}-{because}{'!' * replaces}"
-    monkeypatch.setitem(sys.modules, "benchharness.tables.compare", fake)
-    monkeypatch.setattr("benchharness.tables.compare", fake, raising=False)
+    monkeypatch.setattr(compare, "compare", lambda base, new, fail_on_time: verdict)
+    monkeypatch.setattr(formats, "FORMATS", {"text": lambda v: "worse", "json": lambda v: "{}"})
+    accepted = lambda run, baselines, because, replaces: baselines / f"{run.name}-{because}{'!' * replaces}"  # noqa: E731
+    monkeypatch.setattr(baseline, "accept", accepted)
     monkeypatch.setattr(report, "write", lambda folder: folder / "report.html", raising=False)
     done = call("compare", "a", "b")
     assert (done.exit_code, done.stdout) == (1, "worse\n")

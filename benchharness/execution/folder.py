@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from benchharness import platform
-from benchharness.tables import results
+from benchharness.tables import files
 
 RUNS = Path("results") / "runs"
 PLAN, LOCK, JOURNAL, IMAGES = "run.json", "lock", "journal.jsonl", "images"
@@ -69,7 +69,7 @@ def opened(name: str, out: Path | None, plan: dict[str, Any], resume: bool) -> I
         else:
             _see_unused(folder)
             (folder / IMAGES).mkdir()
-            results.write_atomic(folder / PLAN, json.dumps(plan, indent=2) + "\n")
+            files.write_atomic(folder / PLAN, json.dumps(plan, indent=2) + "\n")
         _clear(folder)
         try:
             yield folder

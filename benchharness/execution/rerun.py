@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchharness import processes
+from benchharness.exits import Exit
 from benchharness.tables import results
 
 BASE, NEW, WARM_UP = "base", "new", "warm-up"
-INCOMPLETE = 3
-USEFUL = (0, INCOMPLETE)
+USEFUL = (Exit.FINE, Exit.INCOMPLETE)
 """Exit codes of a run that has a table: a method that crashed is the comparison's to tell."""
 CLI = ("-m", "benchharness")
 
@@ -129,4 +129,4 @@ def run_once(side: Installation, arguments: Sequence[str], out: Path, say: Calla
     records = results.read_results(out)
     if not any(record["status"] == "ok" for record in records):
         said = records[0]["reason"] if records else "it has no rows"
-        raise RunFailed(INCOMPLETE, f"{out}: nothing was measured: {said} (see {log})")
+        raise RunFailed(Exit.INCOMPLETE, f"{out}: nothing was measured: {said} (see {log})")

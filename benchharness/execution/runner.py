@@ -21,13 +21,12 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from benchharness import platform
 from benchharness.execution import estimate, folder, supervisor
 from benchharness.execution.folder import Journal
+from benchharness.exits import Exit
 from benchharness.study.config import Config, Job
-from benchharness.tables import results
+from benchharness.tables import origin, results
+from benchharness.tables.columns import BROKEN
 
 BENCH = "benchharness.measure.bench:Bench"
-
-FINE, INCOMPLETE = 0, 3
-BROKEN = ("crashed", "timeout")
 
 
 class Listener(Protocol):
@@ -52,7 +51,7 @@ def run(
     yes: bool = False,
     cluster: str | None = None,
     bench: str | None = None,
-) -> tuple[int, Path]:
+) -> tuple[Exit, Path]:
     """Runs a study, or the rest of it; returns the exit code and the run folder.
 
     out      the run folder; a new one under results/runs/ if None, or, to resume, the newest one of this config there
@@ -63,8 +62,8 @@ def run(
     Raises ValueError for a folder that cannot be used and, unless `yes`, for a run that takes too long; Incomparable where
     the folder's run was another.
     """
-    environment = results.environment(config.run.variant)
-    plan = _plan(config, results.environment_hash(environment))
+    environment = origin.environment(config.run.variant)
+    plan = _plan(config, origin.environment_hash(environment))
     with ExitStack() as held:
         client = None
         if cluster is not None:
@@ -99,10 +98,10 @@ def run(
     return exit_code([record["status"] for record in records], asked), place
 
 
-def exit_code(statuses: Sequence[str], asked: int) -> int:
-    """FINE where there is an answer in each of the rows `asked` for, or a refusal, and at least one answer."""
+def exit_code(statuses: Sequence[str], asked: int) -> Exit:
+    """Fine where there is an answer in each of the rows `asked` for, or a refusal, and at least one answer."""
     broken = {*BROKEN, "invalid"} & set(statuses)
-    return FINE if len(statuses) == asked and "ok" in statuses and not broken else INCOMPLETE
+    return Exit.FINE if len(statuses) == asked and "ok" in statuses and not broken else Exit.INCOMPLETE
 
 
 class _Record(BaseModel):
@@ -270,4 +269,4 @@ def _tables(lines: Iterable[dict]) -> tuple[list[dict], list[dict]]:
 def _write(place: Path, records: list[dict], samples: list[dict], environment: dict) -> None:
     results.write_results(place, records)
     results.write_samples(place, samples)
-    results.write_environment(place, environment)
+    origin.write_environment(place, environment)

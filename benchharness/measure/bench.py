@@ -26,7 +26,7 @@ from benchharness.render.frame import FrameRenderer
 from benchharness.render.orientation import oriented
 from benchharness.render.ready import ready
 from benchharness.scene import Scene, refined
-from benchharness.tables import results
+from benchharness.tables import naming, parameters
 
 RUN_UP = 2  # frames shaded before the one that is measured; jitter is a second difference and needs both
 VERTEX_SAMPLE = 150  # vertices per reflector whose true reflection point is solved for
@@ -161,7 +161,7 @@ class Bench:
 
     def _measured(self, entry: Entry, frames: list[Frame], references: list[reference.Reference]) -> dict:
         """The columns that tell of the answer."""
-        counters = results.params_text(contract.counted(entry.shown[-1][1]))
+        counters = parameters.params_text(contract.counted(entry.shown[-1][1]))
         return {**self._errors(entry, frames, references), "counters": counters}
 
     def _clocks(self, entry: Entry, frames: list[Frame], common: dict[str, list[float]]) -> dict:
@@ -293,11 +293,11 @@ class Bench:
         self.out.mkdir(parents=True, exist_ok=True)
         names = (self.scene.name, self.scene.detail, index)
         shown = metrics.tonemap(truth_.image, self.scene.exposure)
-        metrics.save_png(self.out / results.image_name(*names, "reference"), shown)
+        metrics.save_png(self.out / naming.image_name(*names, "reference"), shown)
         for name, kinds in pictures.items():
             method, _, params = name.partition(" ")
             for kind, pixels in kinds.items():
-                metrics.save_png(self.out / results.image_name(*names, kind, method, params), pixels)
+                metrics.save_png(self.out / naming.image_name(*names, kind, method, params), pixels)
 
 
 def _prints(frames: list[Frame]) -> list[dict[str, int]]:

@@ -24,11 +24,22 @@ PARTS = (("gbuffer_ms", "G-buffer", "#B8C4CE"), ("update_ms", "update", "#E69F00
 REST = ("composite", "#DDDDDD")
 
 STYLE: Any = {
-    "font.size": 10, "axes.titlesize": 12, "axes.titleweight": "bold", "axes.titlelocation": "left",
-    "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": "#6B7280", "axes.labelcolor": "#1F2933",
-    "xtick.color": "#4B5563", "ytick.color": "#4B5563", "legend.frameon": False, "grid.color": "#E5E7EB",
-    "svg.fonttype": "none", "svg.hashsalt": "benchharness", "figure.facecolor": "white",
-}  # fmt: skip
+    "font.size": 10,
+    "axes.titlesize": 12,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#6B7280",
+    "axes.labelcolor": "#1F2933",
+    "xtick.color": "#4B5563",
+    "ytick.color": "#4B5563",
+    "legend.frameon": False,
+    "grid.color": "#E5E7EB",
+    "svg.fonttype": "none",
+    "svg.hashsalt": "benchharness",
+    "figure.facecolor": "white",
+}
 
 TIME_AXIS = "time per frame in ms   (← less is better)"
 ERROR_AXIS = "mean FLIP in the mirror   (↓ less is better)"
@@ -145,17 +156,30 @@ def _method(axes: Axes, view: SceneView, points: list[Point], look: Look, verdic
     for point in points:
         y = view.drawn(point.error)
         axes.errorbar(
-            point.time, y,
+            point.time,
+            y,
             xerr=[[point.time - point.time_lo], [point.time_hi - point.time]],
             yerr=[[max(y - view.drawn(point.spread[0]), 0)], [max(view.drawn(point.spread[1]) - y, 0)]],
-            color=look.colour, lw=0.8, alpha=0.45, fmt="none", zorder=2,
-        )  # fmt: skip
+            color=look.colour,
+            lw=0.8,
+            alpha=0.45,
+            fmt="none",
+            zorder=2,
+        )
         verdict = verdicts[id(point)]
         fill = {ON: "full", UNDECIDED: "left"}.get(verdict, "none")
         axes.plot(
-            [point.time], [y], color=look.colour, marker=look.marker[0], ms=7.5, fillstyle=fill, ls="",
-            markerfacecoloralt="white", markeredgewidth=1.3, zorder=3,
-        )  # fmt: skip
+            [point.time],
+            [y],
+            color=look.colour,
+            marker=look.marker[0],
+            ms=7.5,
+            fillstyle=fill,
+            ls="",
+            markerfacecoloralt="white",
+            markeredgewidth=1.3,
+            zorder=3,
+        )
     axes.plot([], [], color=look.colour, marker=look.marker[0], ls=look.dash[0], ms=6.5, label=points[0].method)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image, UnidentifiedImageError
 
 from benchharness.report.points import SceneView
-from benchharness.tables import results
+from benchharness.tables.naming import image_name
 
 WIDTH, SMALL = 720, 360
 """Pixels to which wider pictures are reduced: a method's best parameters, and its others."""
@@ -45,9 +45,9 @@ def frames(view: SceneView, folder: Path) -> list[FrameShots]:
         if record["frame"] is None:
             continue
         where = (view.scene, view.detail, record["frame"])
-        reference = folder / results.image_name(*where, "reference")
+        reference = folder / image_name(*where, "reference")
         params = record["params"] or ""
-        image, error = (folder / results.image_name(*where, kind, record["method"], params) for kind in ("image", "error"))
+        image, error = (folder / image_name(*where, kind, record["method"], params) for kind in ("image", "error"))
         if not (reference.is_file() or image.is_file() or error.is_file()):
             continue
         if record["frame"] not in shots:

@@ -91,17 +91,20 @@ def _curve(figure: go.Figure, view: SceneView, curve: list[Point], look: Look, p
         line={"color": look.colour, "dash": look.dash[1], "width": 1.6},
         marker={"symbol": [look.marker[1] + suffix.get(place.verdict, "-open") for place in places], "size": 11},
         error_x={
-            "array": [p.time_hi - p.time for p in curve], "arrayminus": [p.time - p.time_lo for p in curve],
-            "thickness": 1, "width": 2,
+            "array": [p.time_hi - p.time for p in curve],
+            "arrayminus": [p.time - p.time_lo for p in curve],
+            "thickness": 1,
+            "width": 2,
         },
         error_y={
             "array": [max(view.drawn(p.spread[1]) - e, 0.0) for p, e in zip(curve, y, strict=True)],
             "arrayminus": [max(e - view.drawn(p.spread[0]), 0.0) for p, e in zip(curve, y, strict=True)],
-            "thickness": 0.8, "width": 0,
+            "thickness": 0.8,
+            "width": 0,
         },
         text=[_hover(view, p, place) for p, place in zip(curve, places, strict=True)],
         hovertemplate="%{text}<extra></extra>",
-    )  # fmt: skip
+    )
 
 
 def _hover(view: SceneView, point: Point, place: Place) -> str:
@@ -130,17 +133,28 @@ def path_figure(view: SceneView, looks: Mapping[str, Look]) -> go.Figure:
     names = [p.method for p in best]
     bars = 28 * max(len(best), 3) + 60
     figure = make_subplots(
-        rows=2, cols=2, row_heights=[bars, 330], vertical_spacing=90 / (bars + 420), horizontal_spacing=0.1,
+        rows=2,
+        cols=2,
+        row_heights=[bars, 330],
+        vertical_spacing=90 / (bars + 420),
+        horizontal_spacing=0.1,
         subplot_titles=TITLES,
-    )  # fmt: skip
+    )
     figure.update_layout(LAYOUT, height=bars + 470, barmode="stack", margin={"l": 160, "r": 20, "t": 40, "b": 50})
     figure.update_xaxes(**GRID)
     figure.update_yaxes(**GRID)
     for k, (name, colour) in enumerate([*((name, colour) for _, name, colour in PARTS), REST]):
         figure.add_bar(
-            x=[parts(p)[k] for p in best], y=names, orientation="h", name=name, marker_color=colour, row=1, col=1,
-            legendgroup="parts", legendgrouptitle_text="part of a frame",
-        )  # fmt: skip
+            x=[parts(p)[k] for p in best],
+            y=names,
+            orientation="h",
+            name=name,
+            marker_color=colour,
+            row=1,
+            col=1,
+            legendgroup="parts",
+            legendgrouptitle_text="part of a frame",
+        )
     prepare = [p.row["prepare_ms"] for p in best]
     figure.add_bar(x=prepare, y=names, orientation="h", name="prepare", marker_color="#009E73", showlegend=False, row=1, col=2)
     figure.update_yaxes(autorange="reversed", row=1)
@@ -153,9 +167,16 @@ def path_figure(view: SceneView, looks: Mapping[str, Look]) -> go.Figure:
         for col, column in ((1, "frame_ms"), (2, "flip")):
             frames, values = along_frames(view, point, column)
             figure.add_scatter(
-                x=frames, y=[view.drawn(v) for v in values] if column == "flip" else values, row=2, col=col,
-                mode="lines+markers", line={"color": look.colour, "dash": look.dash[1], "width": 1.6},
-                marker={"symbol": look.marker[1], "size": 7}, name=point.method, legendgroup=f"method {point.method}",
-                showlegend=col == 1, hovertemplate=f"{escape(point.name)}<br>frame %{{x}}: %{{y:.3g}}<extra></extra>",
-            )  # fmt: skip
+                x=frames,
+                y=[view.drawn(v) for v in values] if column == "flip" else values,
+                row=2,
+                col=col,
+                mode="lines+markers",
+                line={"color": look.colour, "dash": look.dash[1], "width": 1.6},
+                marker={"symbol": look.marker[1], "size": 7},
+                name=point.method,
+                legendgroup=f"method {point.method}",
+                showlegend=col == 1,
+                hovertemplate=f"{escape(point.name)}<br>frame %{{x}}: %{{y:.3g}}<extra></extra>",
+            )
     return figure

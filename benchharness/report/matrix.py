@@ -18,8 +18,10 @@ from matplotlib.figure import Figure
 from benchharness.report import overtime
 from benchharness.report.chart import STYLE
 from benchharness.report.points import looks
-from benchharness.stability.tables import read
-from benchharness.tables import results
+from benchharness.tables.columns import VERDICTS
+from benchharness.tables.files import write_atomic
+from benchharness.tables.naming import picture_name
+from benchharness.tables.stability import read
 
 
 @dataclass(frozen=True)
@@ -54,12 +56,14 @@ def write(folder: Path) -> Path:
     for number, row in enumerate(rows):
         row["id"] = f"row-{number + 1}"
     methods = list(dict.fromkeys(row["label"] for row in rows))
-    lines = [_line(folder, name, [row for row in rows if row["regime"] == name], methods)
-             for name in dict.fromkeys(row["regime"] for row in rows)]  # fmt: skip
-    tallies = [{v: sum(row["verdict"] == v for row in rows if row["label"] == m) for v in results.VERDICTS} for m in methods]
+    lines = [
+        _line(folder, name, [row for row in rows if row["regime"] == name], methods)
+        for name in dict.fromkeys(row["regime"] for row in rows)
+    ]
+    tallies = [{v: sum(row["verdict"] == v for row in rows if row["label"] == m) for v in VERDICTS} for m in methods]
     text = overtime.rendered("matrix.html.jinja", rows=rows, lines=lines, methods=methods, tallies=tallies, extras=extras)
     file = folder / "stability.html"
-    results.write_atomic(file, text)
+    write_atomic(file, text)
     return file
 
 
@@ -74,7 +78,7 @@ def _cell(folder: Path, rows: list[dict]) -> Cell | None:
     order = ("fails", "degrades", "refuses", "holds")
     worst = min((row["verdict"] for row in rows), key=order.index)
     shown = next(row for row in rows if row["verdict"] == worst) if worst != "holds" else rows[-1]
-    file = folder / "images" / results.picture_name(shown["regime"], float(shown["severity"]), shown["label"])
+    file = folder / "images" / picture_name(shown["regime"], float(shown["severity"]), shown["label"])
     data = f"data:image/png;base64,{base64.b64encode(file.read_bytes()).decode()}" if file.is_file() else ""
     return Cell(rows, worst, shown, data)
 
@@ -87,8 +91,11 @@ def _curves(rows: Sequence[dict]) -> Markup:
         figure = Figure(figsize=(4.6, 2.6), layout="constrained")
         axes = figure.subplots()
         for method, look in styles.items():
-            own = [(severities.index(r["severity"]), float(r["symptom"] or r["flip"])) for r in rows
-                   if r["label"] == method and (r["symptom"] or r["flip"])]  # fmt: skip
+            own = [
+                (severities.index(r["severity"]), float(r["symptom"] or r["flip"]))
+                for r in rows
+                if r["label"] == method and (r["symptom"] or r["flip"])
+            ]
             if own:
                 axes.plot(*zip(*own, strict=True), color=look.colour, marker="o", markersize=3, linewidth=1.2, label=method)
         axes.axhline(float(rows[0]["bound"]), color="#6B7280", linewidth=0.8, linestyle="--")

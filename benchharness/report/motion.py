@@ -11,14 +11,14 @@ from matplotlib.ticker import MaxNLocator
 
 from benchharness.report.chart import STYLE
 from benchharness.report.points import looks
-from benchharness.tables import results
+from benchharness.tables.naming import picture_name
 
 
 def files(folder: Path, row: Mapping[str, str]) -> tuple[Path | None, Path | None]:
     """The strip and the animation of a row of motion.csv, in the folder of pictures; None where there is none."""
     if not row["first"]:
         return None, None
-    still = folder / results.picture_name(f"{row['scene']}-{row['kind']}", float(row["first"]), row["label"])
+    still = folder / picture_name(f"{row['scene']}-{row['kind']}", float(row["first"]), row["label"])
     moving = still.with_suffix(".webp")
     return (still if still.is_file() else None), (moving if moving.is_file() else None)
 

@@ -11,8 +11,8 @@ from markupsafe import Markup
 from PIL import Image
 
 from benchharness.report import motion
-from benchharness.stability.tables import read
-from benchharness.tables import results
+from benchharness.tables.columns import VERDICTS
+from benchharness.tables.stability import read
 
 STRIP_QUALITY = 60  # of WebP; a page carries 170 strips
 COLUMNS = (
@@ -61,7 +61,7 @@ def rendered(template: str, **values: object) -> Markup:
     loader = jinja2.FileSystemLoader(Path(__file__).parent)
     page = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
     page.filters["short"] = lambda text: f"{float(text):.3g}" if text else ""
-    return Markup(page.get_template(template).render(verdicts=results.VERDICTS, **values))
+    return Markup(page.get_template(template).render(verdicts=VERDICTS, **values))
 
 
 def _data(file: Path | None) -> str:

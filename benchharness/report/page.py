@@ -14,16 +14,14 @@ from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
 from benchharness.report import chart, images, interactive
-from benchharness.report.columns import COLUMNS, STATUSES, Column
 from benchharness.report.points import BUDGETS_MS, Look, Point, SceneView, looks, views
-from benchharness.tables import results
+from benchharness.tables import origin, results
+from benchharness.tables.columns import RESULTS, STATUSES, SUMMARY, Column
+from benchharness.tables.files import write_atomic
+from benchharness.tables.naming import safe_name
 
-TABLE = (
-    "frame_ms shade_ms update_ms prepare_ms kernel_ms first_ms flip flip_p95 rmse relmse coverage nonfinite_px "
-    "distance_err residual_px residual_px_max converged_ratio wrong_ratio iterations_mean iterations_max temporal_diff "
-    "jitter_px flip_second second_px mask_diff_px dark_px back_px"
-).split()
-"""Columns of a scene's table, in this order; those that no method of the scene has are left out."""
+LEADING = "frame_ms shade_ms update_ms prepare_ms kernel_ms first_ms flip flip_p95 rmse relmse".split()
+"""Columns of a scene's table that come first, in this order."""
 
 PROVENANCE = (
     "run config variant reference_lighting reference_spp reference_noise ppd config_hash scene_hash environment calibration_ms"
@@ -73,19 +71,19 @@ def write(run: Path) -> Path:
     template = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined).get_template(
         "page.html.jinja"
     )
-    environment = results.read_environment(run)
+    environment = origin.read_environment(run)
     text = template.render(
         title=", ".join(dict.fromkeys(r["config"] for r in records if r["config"])) or run.name,
         sections=sections,
         overview=[str(file.relative_to(run)) for file in overview],
         budgets=BUDGETS_MS,
         broken=broken(records),
-        columns=COLUMNS,
+        columns={column.name: column for column in (*table(), *RESULTS, *SUMMARY) if column.title},
         statuses=STATUSES,
         environment=_flat(environment),
         provenance=_provenance(records),
         hashes=_hashes(records),
-        counts={status: sum(r["status"] == status for r in records) for status in results.STATUSES},
+        counts={status: sum(r["status"] == status for r in records) for status in STATUSES},
         rows=len(records),
         methods=len(styles),
         time=environment.get("time"),
@@ -93,12 +91,18 @@ def write(run: Path) -> Path:
         plotly=Markup(get_plotlyjs()),
     )
     file = run / "report.html"
-    results.write_atomic(file, text)
+    write_atomic(file, text)
     return file
 
 
+def table() -> list[Column]:
+    """The columns of a scene's table, in order; those that no method of the scene has are left out."""
+    shown = {column.name: column for column in SUMMARY if column.title and column.over}
+    return [shown.pop(name) for name in LEADING] + list(shown.values())
+
+
 def _section(run: Path, anchor: str, view: SceneView, styles: Mapping[str, Look]) -> Section:
-    stem = results.safe_name(view.scene) + (f"-{results.safe_name(view.detail)}" if view.detail else "")
+    stem = safe_name(view.scene) + (f"-{safe_name(view.detail)}" if view.detail else "")
     written: list[Path] = []
     frontier = path = Markup()
     if view.points:
@@ -106,7 +110,7 @@ def _section(run: Path, anchor: str, view: SceneView, styles: Mapping[str, Look]
         written += chart.save(chart.path_chart(view, styles), run / "figures" / f"path-{stem}")
         frontier = Markup(interactive.html(interactive.frontier_figure(view, styles), f"{anchor}-frontier"))
         path = Markup(interactive.html(interactive.path_figure(view, styles), f"{anchor}-path"))
-    shown = [COLUMNS[name] for name in TABLE if any(row[name] is not None for row in view.rows)]
+    shown = [column for column in table() if any(row[column.name] is not None for row in view.rows)]
     return Section(
         anchor=anchor,
         view=view,
@@ -147,7 +151,9 @@ def _cell(view: SceneView, row: dict, column: Column) -> Cell:
             text, title = f"≤ {number(row['reference_noise'])}", f"{number(value)} is within the reference's noise"
     ranked = [p.row[column.name] for p in view.ranked if p.row[column.name] is not None]
     best = (max if column.better == "more" else min)(ranked, default=None)
-    told_apart = len(set(ranked)) > 1 and not text.startswith("≤") and any(p.row is row for p in view.ranked)
+    told_apart = (
+        len(set(ranked)) > 1 and bool(column.better) and not text.startswith("≤") and any(p.row is row for p in view.ranked)
+    )
     return Cell(text, value, value == best and told_apart, title)
 
 
@@ -171,7 +177,7 @@ def broken(records: Sequence[Mapping]) -> list[dict]:
             names = ("scene", "detail", "method", "params", "status", "reason")
             frames = groups.setdefault(tuple(record[name] or "" for name in names), [])
             frames += [] if record["frame"] is None else [record["frame"]]
-    order = list(reversed(results.STATUSES))
+    order = list(reversed(STATUSES))
     return [
         dict(zip(("scene", "detail", "method", "params", "status", "reason"), group, strict=True))
         | {"frames": ", ".join(map(str, frames[:12])) + (f" and {len(frames) - 12} more" if len(frames) > 12 else "")}
@@ -183,7 +189,7 @@ def _provenance(records: Sequence[Mapping]) -> list[tuple[str, str]]:
     """Column -> its values in the run, where it has any."""
     out = []
     for name in PROVENANCE:
-        values = list(dict.fromkeys(number(value) for value in results.present(records, name)))
+        values = list(dict.fromkeys(number(record[name]) for record in records if record[name] is not None))
         if values:
             more = f" and {len(values) - 6} more" if len(values) > 6 else ""
             out.append((name, ", ".join(values[:6]) + more))

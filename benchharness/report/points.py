@@ -9,7 +9,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from benchharness.report.frontier import PARTIAL, Place, classify, staircase
-from benchharness.tables import results
+from benchharness.tables.parameters import parse_params
+from benchharness.tables.summary import summary
 
 BUDGETS_MS = ((6.9, "144 Hz"), (11.1, "90 Hz"), (16.7, "60 Hz"))
 """Frame budgets in ms, and the display that has them: 1000 / 144, 1000 / 90, 1000 / 60."""
@@ -18,12 +19,15 @@ FLIP_FLOOR = 5e-4
 """Mean FLIP below this is drawn at it: a log axis has no 0, and what is this small is not seen."""
 
 # Told apart with colour-blind eyes: six of Okabe and Ito's, then indigo, wine and olive of Tol's, and grey.
-COLOURS = (
-    "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#332288", "#882255", "#999933", "#7F7F7F",
-)  # fmt: skip
+COLOURS = "#0072B2 #D55E00 #009E73 #CC79A7 #E69F00 #56B4E9 #332288 #882255 #999933 #7F7F7F".split()
 MARKERS = (
-    ("o", "circle"), ("s", "square"), ("^", "triangle-up"), ("D", "diamond"), ("v", "triangle-down"), ("P", "cross"),
-)  # fmt: skip
+    ("o", "circle"),
+    ("s", "square"),
+    ("^", "triangle-up"),
+    ("D", "diamond"),
+    ("v", "triangle-down"),
+    ("P", "cross"),
+)
 DASHES = (("-", "solid"), ("--", "dash"), (":", "dot"))
 
 
@@ -44,7 +48,7 @@ class Point:
     error   mean FLIP over frames; spread: its least and largest frame
     noise   mean FLIP that the reference's own noise causes; the error is known within it
     frames  number of frames that the error is a mean of
-    row     the summary row (`results.SUMMARY_COLUMNS`)
+    row     the summary row (`columns.SUMMARY`)
     """
 
     method: str
@@ -134,7 +138,7 @@ def views(records: Sequence[dict]) -> list[SceneView]:
 
 
 def _view(scene: str, detail: str, records: list[dict]) -> SceneView:
-    view = SceneView(scene, detail, records, results.summary(records))
+    view = SceneView(scene, detail, records, summary(records))
     for row in view.rows:
         if row["frames_ok"] == 0:
             view.undrawn.append((row, row["status"] + (f": {row['reason']}" if row["reason"] else "")))
@@ -194,7 +198,7 @@ def curves(points: Sequence[Point]) -> list[list[Point]]:
 
     A method whose parameters do not vary, or only by name, is a curve of one point each.
     """
-    values = [results.parse_params(point.params) for point in points]
+    values = [parse_params(point.params) for point in points]
     names = {name: None for each in values for name in each}
     numeric = {
         name: len(seen)

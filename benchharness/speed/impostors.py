@@ -16,9 +16,8 @@ the frame in which its mirror is largest; billboards of the others in the middle
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import drjit as dr
@@ -32,10 +31,10 @@ from benchharness.speed import depthmaps, edges, popescu
 from benchharness.speed.popescu import Settings, Timed, fps, row
 from benchharness.speed.stage import Stage, Work, answer
 from benchharness.study import plugins
+from benchharness.tables.speed import FRAME, REFLECTORS, SHADE, SIZE
 
-POINTS, RAYS, REFLECTORS, SIZE = "points", "rays", "reflectors", "size"
+POINTS, RAYS = "points", "rays"
 DEPTH_MAPS, BILLBOARDS, TRACED = "depth_impostor", "billboard_impostor", "ray_traced"
-FRAME, SHADE = "frame", "shade"
 
 
 @dataclass
@@ -102,9 +101,17 @@ def _depth_maps(stage: Stage, settings: Settings) -> list[Timed]:
     for m in settings.shade:
         work = _shade(stage, _kind(DEPTH_MAPS, resolution=settings.texels, rotations=n, points=m))
         paper = popescu.FPS_BY_POINTS.get(m)
-        timed.append(Timed(
-            POINTS, f"m = {m}", SHADE, work, "ms", None if paper is None else 1e3 / paper, f"{where}; paper: whole frames",
-        ))  # fmt: skip
+        timed.append(
+            Timed(
+                POINTS,
+                f"m = {m}",
+                SHADE,
+                work,
+                "ms",
+                None if paper is None else 1e3 / paper,
+                f"{where}; paper: whole frames",
+            )
+        )
     if count == 0:
         return timed
 
@@ -152,36 +159,3 @@ def _billboards(scenes: Scenes, size: tuple[int, int], settings: Settings) -> li
         timed.append(Timed(table, setting, FRAME, _frame(stage, kind), "fps", paper, note, fps))
         timed.append(Timed(table, setting, SHADE, _shade(stage, kind), "ms", None, note))
     return timed
-
-
-def chart(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
-    """Frames per second of billboards, ours and the paper's, against mirrors and pixels, as PNG."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10, 4.2), dpi=130, layout="constrained")
-    for axes, table, label in zip(figure.subplots(1, 2), (REFLECTORS, SIZE), ("mirrors", "million pixels"), strict=True):
-        frames, shades = ([r for r in rows if (r["table"], r["quantity"]) == (table, q)] for q in (FRAME, SHADE))
-        paper = [r for r in frames if "paper" in r]
-        x = {r["setting"]: _across(table, r["setting"]) for r in frames}
-        at = [x[r["setting"]] for r in frames]
-        axes.plot(at, [r["ours"] for r in frames], "o-", color="#0072B2", label="whole frame")
-        low, high = ([r[end] for r in frames] for end in ("ours_lo", "ours_hi"))
-        axes.fill_between(at, low, high, color="#0072B2", alpha=0.2, lw=0)
-        at = [x[r["setting"]] for r in shades]
-        axes.plot(at, [fps(r["ours"]) for r in shades], "o--", ms=4, color="#56B4E9", label="shade alone")
-        at = [x[r["setting"]] for r in paper]
-        axes.plot(at, [r["paper"] for r in paper], "s-", color="#D55E00", label="Popescu et al. 2006")
-        axes.set(xlabel=label, ylabel="frames per second", yscale="log", title=f"billboards against {table}")
-        axes.yaxis.set_major_formatter("{x:g}")
-        axes.yaxis.set_minor_formatter("{x:g}")
-        axes.tick_params(axis="y", which="minor", labelsize=7)
-        if table == REFLECTORS:
-            axes.set(xticks=list(x.values()))
-        axes.grid(alpha=0.25, which="both")
-        axes.legend(fontsize=8, frameon=False)
-    figure.savefig(path)
-
-
-def _across(table: str, setting: str) -> float:
-    """Mirrors, or million pixels, of a row."""
-    return float(setting) if table == REFLECTORS else 1e-6 * float(np.prod([int(side) for side in setting.split("x")]))

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import drjit as dr
@@ -23,21 +22,28 @@ from benchharness.speed.stage import Stage
 from benchharness.study import plugins
 
 CASES: tuple[tuple[str, str, dict[str, Any]], ...] = (
-    ("Roger and Holzschuch, cold", "secant_triangle",
-     {"start": "paper", "stop": "area", "tau": 0.5, "newton": "off", "warm": False, "hidden": "drop"}),
-    ("the same until the longest edge is a pixel", "secant_triangle",
-     {"start": "paper", "newton": "off", "warm": False, "hidden": "drop"}),
+    (
+        "Roger and Holzschuch, cold",
+        "secant_triangle",
+        {"start": "paper", "stop": "area", "tau": 0.5, "newton": "off", "warm": False, "hidden": "drop"},
+    ),
+    (
+        "the same until the longest edge is a pixel",
+        "secant_triangle",
+        {"start": "paper", "newton": "off", "warm": False, "hidden": "drop"},
+    ),
     ("secant_triangle, cold", "secant_triangle", {"warm": False}),
     ("secant_triangle, warm", "secant_triangle", {}),
     ("newton, cold", "newton", {"warm": False}),
     ("newton, warm", "newton", {}),
     ("Estalella et al., cold", "image_space_search", {"start": "centre", "warm": "off"}),
     ("image_space_search, warm", "image_space_search", {}),
-)  # fmt: skip
+)
 """Name, method, its parameters."""
 
 COLUMNS = "case method vertices mean median p95 max at_most_5 at_most_10 at_most_20".split()
-MOST_SHOWN = 20
+STEP_COLUMNS = "case iterations vertices".split()
+"""How many vertices took how many iterations."""
 
 
 @dataclass
@@ -50,10 +56,16 @@ class Case:
     picture: np.ndarray
 
     def row(self) -> dict[str, Any]:
+        """The row of COLUMNS."""
         n = self.iterations
         shares = {f"at_most_{k}": float((n <= k).mean()) for k in (5, 10, 20)}
         quantiles = {"median": float(np.median(n)), "p95": float(np.quantile(n, 0.95)), "max": int(n.max())}
         return {"case": self.name, "method": self.method, "vertices": len(n), "mean": float(n.mean()), **quantiles, **shares}
+
+    def steps(self) -> list[dict[str, Any]]:
+        """Rows of STEP_COLUMNS."""
+        counts = zip(*np.unique(self.iterations, return_counts=True), strict=True)
+        return [{"case": self.name, "iterations": steps, "vertices": count} for steps, count in counts]
 
 
 def study(scene: Scene, size: tuple[int, int], index: int, say: Callable[[str], None]) -> list[Case]:
@@ -88,31 +100,14 @@ def _picture(stage: Stage, reflection: Reflection) -> np.ndarray:
         light = vertexwise.packets(mi.Point3f(steps), mi.Float(0), lane, count)
         part = dr.opaque(mi.UInt32, seen.objects + i)
         shown, _, hit, _ = virtual.draw(
-            images, replace(seen.world, attributes=light, shine=None), part, frame.view, frame.p, frame.reflector,
-            dr.opaque(mi.Int32, i), virtual.Drawing("drop"),
-        )  # fmt: skip
+            images,
+            replace(seen.world, attributes=light, shine=None),
+            part,
+            frame.view,
+            frame.p,
+            frame.reflector,
+            dr.opaque(mi.Int32, i),
+            virtual.Drawing("drop"),
+        )
         total, covered = total + shown.x, covered | hit
     return np.where(np.array(covered), np.array(total), np.nan).reshape(stage.size[1], stage.size[0])
-
-
-def chart(cases: list[Case], path: Path) -> None:
-    """Pictures above, histograms below, as PNG."""
-    from matplotlib.figure import Figure
-
-    columns = len(cases) // 2
-    figure = Figure(figsize=(4 * columns, 11), dpi=110, layout="constrained")
-    panels = figure.subplots(4, columns, gridspec_kw={"height_ratios": [3, 1.6] * 2})
-    down, across = np.nonzero(np.isfinite(np.stack([case.picture for case in cases])).any(axis=0))
-    box = slice(down.min(), down.max() + 1), slice(across.min(), across.max() + 1)
-    for k, case in enumerate(cases):
-        above, below = panels[2 * (k // columns), k % columns], panels[2 * (k // columns) + 1, k % columns]
-        image = above.imshow(case.picture[box], cmap="viridis", vmin=1, vmax=MOST_SHOWN)
-        above.set(xticks=[], yticks=[])
-        above.set_title(case.name, fontsize=9)
-        bins = np.arange(0.5, MOST_SHOWN + 1.5)
-        share = np.full(len(case.iterations), 1 / len(case.iterations))
-        below.hist(np.minimum(case.iterations, MOST_SHOWN), bins=list(bins), color="#0072B2", weights=share)
-        below.set(xlabel=f"iterations ({MOST_SHOWN}: or more)", ylabel="share of vertices", xlim=(0.5, MOST_SHOWN + 0.5))
-        below.set(title=f"mean {case.iterations.mean():.1f}, most {case.iterations.max()}")
-        figure.colorbar(image, ax=above, shrink=0.8)
-    figure.savefig(path)

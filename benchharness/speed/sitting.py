@@ -7,28 +7,30 @@
 
     speed.csv          a row per rival: medians, how many times as long the rival takes, with its 95 % interval
     samples.csv        every time behind them
-    vertices.csv       a row per tessellation and method; vertices-fit.csv, vertices-samples.csv, vertices.png
-    iterations.csv     a row per way to search; iterations.png
-    impostors.csv      a row per number of a paper's tables and ours; impostors-samples.csv, impostor-edges.png,
-                       impostor-cost.png
+    vertices.csv       a row per tessellation and method; vertices-fit.csv, vertices-samples.csv
+    iterations.csv     a row per way to search; iterations-vertices.csv, how many vertices took how many steps, and
+                       iterations-pictures.npz, where on the mirror
+    impostors.csv      a row per number of a paper's tables and ours; impostors-samples.csv, impostor-edges.png
     complexity.csv     a row per mirror and method; complexity-samples.csv
     environment.json   machine, software, and what was asked for
+
+of which `benchharness.report.speed` draws charts.
 """
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
 from benchharness import platform
 from benchharness.scene import Scene, refined
-from benchharness.tables import results
+from benchharness.tables import files, origin
+from benchharness.tables.speed import FITS, IMPOSTORS, ITERATIONS, PICTURES, STEPS, VERTICES
 
 COLUMNS = "name ours_ms rival rival_ms ratio ratio_lo ratio_hi note".split()
 """Columns of speed.csv: medians over rounds; ratio = rival_ms / ours_ms, so that above 1 ours is faster."""
@@ -96,10 +98,10 @@ def speed(
         renderer = None if isinstance(gl, str) else gl.renderer
         if not isinstance(gl, str):
             gl.close()
-        write_csv(out / "speed.csv", rows, COLUMNS)
-        write_csv(out / "samples.csv", samples, SAMPLE_COLUMNS)
+        files.write(out / "speed.csv", rows, COLUMNS)
+        files.write(out / "samples.csv", samples, SAMPLE_COLUMNS)
         asked = {"size": list(size), "frame": frame, "detail": detail, "rounds": rounds, "triangles": drawn.triangles}
-        results.write_environment(out, {**results.environment(VARIANT), "opengl": renderer, "speed": asked})
+        origin.write_environment(out, {**origin.environment(VARIANT), "opengl": renderer, "speed": asked})
         console.print(table(rows))
         if vertices:
             _vertices(out, size, frame, rounds, console)
@@ -117,10 +119,9 @@ def _vertices(out: Path, size: tuple[int, int], frame: int, rounds: int, console
 
     with console.status("") as status:
         found = tessellation.study({d: kitchen(d) for d in ("lean", "paper")}, size, frame, rounds, status.update)
-    write_csv(out / "vertices.csv", found.rows, tessellation.COLUMNS)
-    write_csv(out / "vertices-fit.csv", found.fits, tessellation.FIT_COLUMNS)
-    write_csv(out / "vertices-samples.csv", found.samples, tessellation.SAMPLE_COLUMNS)
-    tessellation.chart(found, out / "vertices.png")
+    files.write(out / VERTICES, found.rows, tessellation.COLUMNS)
+    files.write(out / FITS, found.fits, tessellation.FIT_COLUMNS)
+    files.write(out / "vertices-samples.csv", found.samples, tessellation.SAMPLE_COLUMNS)
     console.print(plain_table(found.rows, ("detail", "method", "vertices", "frame_ms", "flip")))
     console.print(plain_table(found.fits, tessellation.FIT_COLUMNS))
 
@@ -131,8 +132,9 @@ def _iterations(out: Path, scene: Scene, size: tuple[int, int], frame: int, cons
     with console.status("") as status:
         cases = iterations.study(scene, size, frame, status.update)
     rows = [case.row() for case in cases]
-    write_csv(out / "iterations.csv", rows, iterations.COLUMNS)
-    iterations.chart(cases, out / "iterations.png")
+    files.write(out / ITERATIONS, rows, iterations.COLUMNS)
+    files.write(out / STEPS, (row for case in cases for row in case.steps()), iterations.STEP_COLUMNS)
+    np.savez_compressed(out / PICTURES, pictures=np.stack([case.picture for case in cases]))
     console.print(plain_table(rows, iterations.COLUMNS))
 
 
@@ -144,10 +146,9 @@ def _impostors(out: Path, size: tuple[int, int], detail: str, rounds: int, conso
     with console.status("baking") as status:
         scenes = study.Scenes(*impostor_scenes(detail, settings.reflectors))
         found = study.study(scenes, size, rounds, status.update, settings)
-    write_csv(out / "impostors.csv", found.rows, popescu.COLUMNS)
-    write_csv(out / "impostors-samples.csv", found.samples, popescu.SAMPLE_COLUMNS)
+    files.write(out / IMPOSTORS, found.rows, popescu.COLUMNS)
+    files.write(out / "impostors-samples.csv", found.samples, popescu.SAMPLE_COLUMNS)
     edges.strip(found.panels, out / "impostor-edges.png")
-    study.chart(found.rows, out / "impostor-cost.png")
     console.print(plain_table(found.rows, ("table", "setting", "quantity", "ours", "unit", "paper")))
 
 
@@ -156,24 +157,13 @@ def _complexity(out: Path, scene: Scene, size: tuple[int, int], frame: int, roun
 
     with console.status("") as status:
         rows, samples = complexity.study(scene, size, frame, rounds, status.update)
-    write_csv(out / "complexity.csv", rows, complexity.COLUMNS)
-    write_csv(out / "complexity-samples.csv", samples, complexity.SAMPLE_COLUMNS)
+    files.write(out / "complexity.csv", rows, complexity.COLUMNS)
+    files.write(out / "complexity-samples.csv", samples, complexity.SAMPLE_COLUMNS)
     console.print(plain_table(rows, ("shape", "dents", "triangles", "method", "shade_ms", "update_ms", "flip", "coverage")))
 
 
-def write_csv(path: Path, rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> None:
-    """Numbers by `repr`, as in results.csv; what a row lacks is empty."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    for row in rows:
-        values = (row.get(name, "") for name in columns)
-        writer.writerow([value.item() if hasattr(value, "item") else value for value in values])
-    results.write_atomic(path, text.getvalue())
-
-
 def table(rows: Iterable[Mapping[str, Any]]) -> Table:
-    """Without the notes, but for what could not be timed."""
+    """The rows of speed.csv without the notes, but for what could not be timed."""
     shown = Table("", "ours ms", "rival", "rival ms", "ratio", "95 %")
     last = None
     for row in rows:

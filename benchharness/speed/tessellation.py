@@ -3,35 +3,33 @@
 Methods that move vertices take time that grows with them; their pictures draw the image of every edge straight, so their
 error falls with them. Subdivision interpolates positions and baked light linearly: the scene, and with it the reference,
 stays the same. The frame without reflections (G-buffer and composite) grows with the vertices, too: it is a row by the
-name of NONE, and part of every method's frame.
+name of UNREFLECTED, and part of every method's frame.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchharness.measure import metrics, timing
 from benchharness.render import reference
-from benchharness.report.points import looks
 from benchharness.scene import Scene, refined
 from benchharness.speed.stage import Stage, answer, interleaved, method
 from benchharness.study import plugins
+from benchharness.tables.speed import UNREFLECTED
 
-NONE = "no reflections"
 TARGETS = (5_000, 10_000, 15_000, 25_000, 50_000, 100_000, 200_000)
 """Vertices to subdivide to; a target below what a scene has as it was built is that scene as it was built."""
 CLOSE = 0.05  # relative; a subdivision this near to its target will do
 TRIES = 12
 
 COLUMNS = "detail method vertices triangles h_max_m shade_ms shade_ms_lo shade_ms_hi frame_ms flip coverage".split()
-"""Of the row NONE, shade_ms is the time of the G-buffer and the composite; frame_ms of the others is theirs and that."""
+"""In the row UNREFLECTED, shade_ms is the time of the G-buffer and the composite; frame_ms of others is theirs and that."""
 FIT_COLUMNS = "detail method ms_per_1000_vertices intercept_ms r2 points".split()
-"""Of frame_ms."""
+"""The line through frame_ms against vertices."""
 SAMPLE_COLUMNS = "detail method vertices round ms".split()
 
 
@@ -61,8 +59,8 @@ def study(
             seen = {"detail": detail, "vertices": scene.vertices, "triangles": scene.triangles}
             seen["h_max_m"] = scene.source.get("split_at")
             stage = Stage(replace(scene, h_max=None), size, index)
-            rows.append({**seen, "method": NONE})
-            works[detail, NONE, scene.vertices] = _unreflected(stage)
+            rows.append({**seen, "method": UNREFLECTED})
+            works[detail, UNREFLECTED, scene.vertices] = _unreflected(stage)
             for name in methods:
                 say(f"{detail}: {name} at {scene.vertices} vertices")
                 if method(name).refuses(stage.scene) is None:
@@ -73,9 +71,9 @@ def study(
         row["shade_ms"], row["shade_ms_lo"], row["shade_ms_hi"] = timing.median_interval(
             times[row["detail"], row["method"], row["vertices"]]
         )
-    plain = {(row["detail"], row["vertices"]): row["shade_ms"] for row in rows if row["method"] == NONE}
+    plain = {(row["detail"], row["vertices"]): row["shade_ms"] for row in rows if row["method"] == UNREFLECTED}
     for row in rows:
-        row["frame_ms"] = plain[row["detail"], row["vertices"]] + (row["shade_ms"] if row["method"] != NONE else 0)
+        row["frame_ms"] = plain[row["detail"], row["vertices"]] + (row["shade_ms"] if row["method"] != UNREFLECTED else 0)
     kinds = dict.fromkeys((row["detail"], row["method"]) for row in rows)
     return Found(
         rows,
@@ -156,35 +154,3 @@ def fit(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     rest, spread = np.sum((ms - slope * n - intercept) ** 2), np.sum((ms - ms.mean()) ** 2)
     r2 = 1.0 - rest / spread if spread > 0 else 1.0
     return {"ms_per_1000_vertices": 1e3 * slope, "intercept_ms": intercept, "r2": r2, "points": len(n)}
-
-
-def chart(found: Found, path: Path) -> None:
-    """Time of a frame and error against vertices, as PNG: a row of two panels per detail, a colour per method."""
-    from matplotlib.figure import Figure
-
-    details = list(dict.fromkeys(row["detail"] for row in found.rows))
-    methods = list(dict.fromkeys(row["method"] for row in found.rows))
-    colours = {name: look.colour for name, look in looks([{"method": name} for name in methods if name != NONE]).items()}
-    colours[NONE] = "#555555"
-    figure = Figure(figsize=(10, 4 * len(details)), dpi=130, layout="constrained")
-    panels = figure.subplots(len(details), 2, squeeze=False)
-    for (time, error), detail in zip(panels, details, strict=True):
-        for name in methods:
-            rows = [r for r in found.rows if (r["detail"], r["method"]) == (detail, name)]
-            if not rows:
-                continue
-            n, ms = np.array([r["vertices"] for r in rows]), np.array([r["frame_ms"] for r in rows])
-            slope = next((f for f in found.fits if (f["detail"], f["method"]) == (detail, name)), {})
-            cost = f" ({slope['ms_per_1000_vertices']:.2f} ms per 1000)" if "r2" in slope else ""
-            time.plot(n / 1e3, ms, "o-", ms=4, lw=1, color=colours[name], label=f"{name}{cost}")
-            if name != NONE:
-                error.plot(n / 1e3, [r["flip"] for r in rows], "o-", ms=4, lw=1, color=colours[name], label=name)
-        time.set(xlabel="thousand vertices", ylabel="frame, ms", title=f"{detail}: cost of a vertex", xlim=(0, None))
-        time.set(ylim=(0, None))
-        error.set(xlabel="thousand vertices", ylabel="FLIP in the mirror (lower is better)", xlim=(0, None), yscale="log")
-        error.set(title=f"{detail}: error left by the tessellation")
-        for axes in (time, error):
-            axes.grid(alpha=0.25)
-        time.legend(fontsize=7, frameon=False)
-        error.legend(fontsize=7, frameon=False, loc="upper right", bbox_to_anchor=(1.0, 0.93))
-    figure.savefig(path)

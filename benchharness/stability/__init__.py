@@ -25,7 +25,8 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from benchharness import cache, platform
 from benchharness.execution import folder
-from benchharness.tables import results
+from benchharness.exits import Exit
+from benchharness.tables import columns, files, naming, origin
 
 if TYPE_CHECKING:
     from benchharness.stability.children import Done, Place
@@ -58,7 +59,7 @@ class Wanted:
 class Outcome:
     """`code`: the exit code, as `runner.exit_code` has it. `silent`: how many rows fail silently."""
 
-    code: int
+    code: Exit
     silent: int
     folder: Path
 
@@ -122,14 +123,14 @@ def _depends(planned: Plan, groups: Groups) -> dict[str, Any]:
     """What the rows depend on: the work, the methods, the sources of the scenes, and the machine."""
     from benchharness.stability import children
 
-    environment = results.environment(children.VARIANT)
+    environment = origin.environment(children.VARIANT)
     files = [file for root in importlib.import_module("scenes").__path__ for file in sorted(Path(root).rglob("*.py"))]
     files += [file for name in groups.get("motion", {}) if (file := Path(name.partition(":")[0])).suffix == ".py"]
     return {
-        "work": {f"{study} {group}": results.short_hash(units) for study in groups for group, units in groups[study].items()},
+        "work": {f"{study} {group}": naming.short_hash(units) for study in groups for group, units in groups[study].items()},
         "methods": {entry.key: entry.method_hash for entry in planned.entries},
         "scenes": cache.source_hash(*map(str, files)),
-        "environment": results.environment_hash(environment),
+        "environment": origin.environment_hash(environment),
     }
 
 
@@ -169,7 +170,7 @@ def _taken_up(groups: Groups, journal: folder.Journal, images: Path, tell: Calla
         except ValidationError as error:
             journal.refuse(number, f"{'.'.join(map(str, error.errors()[0]['loc']))}: {error.errors()[0]['msg']}")
         units = groups.get(said.study, {}).get(said.group, [])
-        if not 0 <= said.unit < len(units) or said.record.get("status") not in results.STATUSES:
+        if not 0 <= said.unit < len(units) or said.record.get("status") not in columns.STATUSES:
             journal.refuse(number, "it is of no unit of this run")
         place = (said.study, said.group, said.unit)
         found[place] = Done(place, units[said.unit], said.record, said.pictures)
@@ -230,7 +231,7 @@ class _Study:
         self.write()
         what = "verdict" if "verdict" in self.module.COLUMNS else "status"
         seen = Counter(self.made[place][what] for place in group)
-        order = results.VERDICTS if what == "verdict" else results.STATUSES
+        order = columns.VERDICTS if what == "verdict" else columns.STATUSES
         return ", ".join(f"{seen[v]} {v}" for v in order if v in seen)
 
     @property
@@ -243,9 +244,7 @@ class _Study:
         return [place for place in places if place in self.made]
 
     def write(self) -> None:
-        from benchharness.stability import tables
-
-        tables.write(self.place / self.module.FILE, self.rows, self.module.COLUMNS)
+        files.write(self.place / self.module.FILE, self.rows, self.module.COLUMNS)
         if self.frames:
             rows = [row for place in self._places() for row in self.frames[place]]
-            tables.write(self.place / self.module.FRAMES_FILE, rows, self.module.FRAME_COLUMNS)
+            files.write(self.place / self.module.FRAMES_FILE, rows, self.module.FRAME_COLUMNS)

@@ -21,7 +21,7 @@ from benchharness.regime import Regime
 from benchharness.scene import Scene
 from benchharness.stability import plan
 from benchharness.study.config import Entry
-from benchharness.tables import results
+from benchharness.tables import naming
 
 STRESS = "scenes.stress"
 FILE = "stability.csv"
@@ -160,7 +160,7 @@ def _keep_picture(folder: Path, regime: Regime, severity: float, label: str, see
     pictures = [metrics.tonemap(image, exposure) for image in (seen.image, seen.truth)]
     pictures = [np.where(seen.mask[..., None], picture, picture // 2) for picture in pictures]
     whole = [picture[top:bottom, left:right] for picture in (*pictures, metrics.error_picture(seen.error))]
-    file = folder / results.picture_name(regime.name, severity, label)
+    file = folder / naming.picture_name(regime.name, severity, label)
     metrics.save_png(file, np.concatenate(whole, axis=1))
 
 

@@ -42,7 +42,7 @@ from benchharness.stability import plan, strips
 from benchharness.study import plugins
 from benchharness.study.apart import Apart
 from benchharness.study.config import Entry
-from benchharness.tables import results
+from benchharness.tables import naming
 
 FILE, FRAMES_FILE = "motion.csv", "motion-frames.csv"
 APIECE = 1  # groups that share a process
@@ -145,7 +145,7 @@ def _keep_pictures(folder: Path, scene: str, kind: str, label: str, film: Any, s
 
     method, truth = viewed(shown.images), viewed([r.image for r in film.references])
     box = strips.crop([r.mask for r in film.references])
-    file = folder / results.picture_name(f"{scene}-{kind}", film.first, label)
+    file = folder / naming.picture_name(f"{scene}-{kind}", film.first, label)
     errors = [metrics.error_picture(error) for error in shown.errors]
     chosen = strips.chosen(film.count, None if film.jump is None else film.jump - film.first)
     metrics.save_png(file, strips.strip(method, truth, errors, box, chosen))

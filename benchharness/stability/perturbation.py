@@ -28,7 +28,7 @@ from benchharness.scene import Scene
 from benchharness.stability import altered, atlas, plan
 from benchharness.study import plugins
 from benchharness.study.config import Entry
-from benchharness.tables import results
+from benchharness.tables import naming
 
 FILE = "perturbation.csv"
 APIECE = 2  # groups that share a process
@@ -223,5 +223,5 @@ def _keep_pictures(folder: Path, scene: str, kind: str, label: str, seen: tuple[
         change = np.abs(_white(a, exposure) - _white(b, exposure)).mean(axis=2)
         rows.append([metrics.tonemap(a, exposure), metrics.tonemap(b, exposure), metrics.error_picture(change)])
     whole = np.concatenate([np.concatenate(pictures, axis=1) for pictures in rows])
-    name = results.picture_name(f"{scene}-{kind}", SCENES[scene] or 0.0, label)
+    name = naming.picture_name(f"{scene}-{kind}", SCENES[scene] or 0.0, label)
     metrics.save_png(folder / name, whole)

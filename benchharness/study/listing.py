@@ -1,4 +1,4 @@
-"""`list`: what there is to run, and with which parameters."""
+"""`list`: what there is to run, with which parameters, and what is measured."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from pathlib import Path
 
 from benchharness.study import plugins
 from benchharness.study.apart import Apart
+from benchharness.tables import columns
 
 CONFIGS = Path("configs")
 
 
 def installed(kind: str) -> Iterator[str]:
-    """Of every "method" or "scene" its name and paper, or first line of docstring, and its parameters; or why it is broken."""
+    """Every "method" or "scene": name and paper, or first line of docstring, and its parameters; or why it is broken."""
     with Apart() as apart:
         for name, site in plugins.sites(kind).items():
             try:
@@ -35,4 +36,17 @@ def configs(folder: Path = CONFIGS) -> Iterator[str]:
         yield f"{path}  {first.lstrip('# ')}".rstrip() if first.startswith("#") else str(path)
 
 
-KINDS = {"methods": partial(installed, "method"), "scenes": partial(installed, "scene"), "configs": configs}
+def metrics() -> Iterator[str]:
+    """What the report shows: name, unit, which way is better, within what `compare` holds it for the same, and what it says."""
+    for column in columns.metrics():
+        about = [column.unit] * bool(column.unit) + [f"{column.better} is better"] * bool(column.better)
+        about += [f"the same within {column.gate}"] * bool(column.gate)
+        yield f"{column.name}  ({'; '.join(about)})  {column.says}" if about else f"{column.name}  {column.says}"
+
+
+KINDS = {
+    "methods": partial(installed, "method"),
+    "scenes": partial(installed, "scene"),
+    "configs": configs,
+    "metrics": metrics,
+}

@@ -27,7 +27,7 @@ CLOCKS = ("prepare", "update", "shade")
 FLOOR_MS = 0.1
 """Times below this on both sides are the cost of launching a kernel, and are not compared."""
 LEAST_RUNS = 5
-"""Of each side: fewer prove nothing, as two that happen to be alike look steady."""
+"""Runs of each side: fewer prove nothing, as two that happen to be alike look steady."""
 ALPHA = 0.01
 MARGIN = 0.02
 """Log of a ratio that has to be exceeded, not just differed from: where code and data come to lie in memory costs as much."""
@@ -201,7 +201,7 @@ def _paces(sides: Mapping[Group, Sequence[np.ndarray]], *, proves: bool) -> Iter
 
 
 def _ratio(log: float) -> float:
-    """Of a logarithm, whatever a damaged table made of it."""
+    """The ratio whose logarithm it is, finite whatever a damaged table made of it."""
     return math.exp(min(float(log), 700.0))
 
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from benchharness import cli
 from benchharness.execution import rerun
-from benchharness.tables import results
+from benchharness.tables import origin
 
 
 @pytest.fixture
@@ -102,7 +102,7 @@ def test_runs_are_made_compared_and_taken_up(fake, tmp_path):
     done = call("rerun", fake.name, "--times", 1, "--out", "out", "--only", "a")
     assert done.exit_code == 3, done.output  # one run against one: unproven
     assert "unproven: one run against one" in done.stdout
-    command = results.read_command(tmp_path / "out" / "new" / "01")
+    command = origin.read_command(tmp_path / "out" / "new" / "01")
     assert command == {"config": str(fake), "plugins": []}
     before = (tmp_path / "out" / "base" / "01" / "results.csv").stat().st_mtime_ns
     again = call("rerun", fake.name, "--times", 1, "--out", "out", "--only", "a", "--resume")

@@ -19,7 +19,7 @@ from test_folder import damaged
 
 from benchharness.execution import runner, supervisor
 from benchharness.study import config
-from benchharness.tables import results
+from benchharness.tables import columns, origin, results
 
 
 class Ear:
@@ -254,10 +254,11 @@ def test_a_cut_line_of_the_journal_is_dropped_and_a_damaged_one_refused(tmp_path
 
 def test_what_was_not_measured_is_empty(tmp_path):
     _, rows, _ = run(study.write(tmp_path, '["a", "refuses", "chokes", "aborts 0"]'), tmp_path / "out")
-    columns = [*results.TIMES, *results.ERRORS, *"reference_spp reference_noise nonfinite_px counters calibration_ms".split()]
+    names = [column.name for column in columns.RESULTS if column.over not in ("", "sum")]
+    names += ["nonfinite_px", "reference_spp", "counters"]
     for row in rows:
         if row["status"] != "ok":
-            assert {name: row[name] for name in columns if row[name] is not None} == {}, row["status"]
+            assert {name: row[name] for name in names if row[name] is not None} == {}, row["status"]
 
 
 def test_a_folder_is_not_filled_by_two_at_once(tmp_path):
@@ -347,7 +348,7 @@ def test_what_takes_too_long_is_not_begun_unasked_and_leaves_no_folder(tmp_path,
 def test_a_line_that_no_run_of_this_config_writes_is_damage(tmp_path, line):
     path, out = study.write(tmp_path, '["a"]'), tmp_path / "out"
     loaded = config.load(path)
-    environment = results.environment_hash(results.environment(loaded.run.variant))
+    environment = origin.environment_hash(origin.environment(loaded.run.variant))
     with runner.folder.opened("study", out, runner._plan(loaded, environment), False):
         pass
     (out / "journal.jsonl").write_text(json.dumps(line) + "\n")

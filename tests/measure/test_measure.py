@@ -20,7 +20,7 @@ from benchharness.measure.bench import Bench, converged_share, run_up
 from benchharness.measure.rounds import KERNEL_ROUNDS
 from benchharness.render.reference import ReferenceOptions
 from benchharness.scene import Object, Reflector, Scene
-from benchharness.tables import results
+from benchharness.tables import naming, parameters, results, summary
 from methods.environment_map import EnvironmentMap
 from methods.image_space_search import ImageSpaceSearch
 from methods.ray_traced import RayTraced
@@ -203,13 +203,13 @@ def test_a_record_has_the_columns_of_the_table_and_numbers_that_make_sense(three
     assert exact["coverage"] == map_["coverage"] == 1
     assert search["residual_px"] < 0.2 and search["wrong_ratio"] < 0.01 and search["converged_ratio"] > 0.8
     assert search["iterations_mean"] < 3 and search["jitter_px"] < 0.2
-    assert results.parse_params(exact["counters"]) == {"rays": exact["reflector_px"]}
+    assert parameters.parse_params(exact["counters"]) == {"rays": exact["reflector_px"]}
     # They are what the table takes.
     rows = [record | {"scene": "a", "detail": "", "frame": 3, "method": entry, "params": ""} for (_, entry), record in
             records.items()]  # fmt: skip
     for row in rows:
         del row["entry"]
-    results.write_table(tmp_path / "rows.csv", rows, results.COLUMNS)
+    results.write(tmp_path / "rows.csv", rows)
 
     clocks = {(sample["entry"], sample["clock"]) for sample in samples}
     assert {("", "gbuffer"), ("", "composite"), ("", "calibration")} <= clocks
@@ -259,9 +259,9 @@ def test_pictures_are_written_and_come_out_the_same_twice(tmp_path):
     runs = [measured(room(), methods, 1, out=tmp_path / name)[0] for name in ("one", "two")]
     assert numbers(runs[0][1, next(iter(methods))]) == numbers(runs[1][1, next(iter(methods))])
     names = [
-        results.image_name("mirror_room", "lean", 1, "reference"),
-        results.image_name("mirror_room", "lean", 1, "image", "image_space_search", "widening=1.5"),
-        results.image_name("mirror_room", "lean", 1, "error", "image_space_search", "widening=1.5"),
+        naming.image_name("mirror_room", "lean", 1, "reference"),
+        naming.image_name("mirror_room", "lean", 1, "image", "image_space_search", "widening=1.5"),
+        naming.image_name("mirror_room", "lean", 1, "error", "image_space_search", "widening=1.5"),
     ]
     assert sorted(p.name for p in (tmp_path / "one").iterdir()) == sorted(names)
     for name in names:
@@ -386,7 +386,7 @@ def test_coverage_counts_what_was_found_and_errors_everything(tmp_path):
     assert half["coverage"] == pytest.approx(0.5, abs=0.05) and whole["coverage"] == 1
     assert half["flip"] == whole["flip"] != bright["flip"]
     assert half["distance_err"] == pytest.approx(whole["distance_err"], rel=0.1)
-    assert results.parse_params(whole["counters"])["looks"] == whole["reflector_px"]
+    assert parameters.parse_params(whole["counters"])["looks"] == whole["reflector_px"]
 
 
 def test_a_mirror_out_of_view_has_no_pixels_and_no_errors(tmp_path):
@@ -447,7 +447,7 @@ def test_second_reflections_have_an_error_of_their_own_where_the_reference_shows
     assert one["flip_second"] > 0.2 and one["flip_second"] > 5 * three["flip_second"]
     # All that is wrong with one bounce is there; FLIP's filters spread some of it over the pixels around.
     assert 0.5 < one["flip_second"] * one["second_px"] / (one["flip"] * one["reflector_px"]) < 1
-    (row,) = results.summary([{**dict.fromkeys(results.COLUMNS), **one}])
+    (row,) = summary.summary([{**dict.fromkeys(results.COLUMNS), **one}])
     assert (row["second_px"], row["flip_second"]) == (one["second_px"], one["flip_second"])
 
 

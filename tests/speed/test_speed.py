@@ -232,10 +232,17 @@ def test_the_fit_finds_a_line():
     assert tessellation.fit(rows[:1]) == {"points": 1}
 
 
-def test_the_study_sees_the_error_fall_with_the_vertices(room, tmp_path):
+def test_the_study_sees_the_error_fall_with_the_vertices(room):
     found = tessellation.study({"lean": room}, (96, 64), FRAME, 2, lambda text: None, targets=(100, 6_000))
     names = {row["method"] for row in found.rows}
-    assert {tessellation.NONE, "environment_map", "ray_traced", "image_space_search", "secant_triangle", "newton"} <= names
+    assert {
+        tessellation.UNREFLECTED,
+        "environment_map",
+        "ray_traced",
+        "image_space_search",
+        "secant_triangle",
+        "newton",
+    } <= names
     coarse, fine = (
         {r["method"]: r for r in found.rows if r["vertices"] == n} for n in sorted({r["vertices"] for r in found.rows})
     )
@@ -243,17 +250,15 @@ def test_the_study_sees_the_error_fall_with_the_vertices(room, tmp_path):
         assert fine[name]["vertices"] > 2 * coarse[name]["vertices"]
         assert fine[name]["flip"] < 0.7 * coarse[name]["flip"]
         assert fine["ray_traced"]["flip"] < fine[name]["flip"] < fine["environment_map"]["flip"]
-        assert fine[name]["frame_ms"] == fine[tessellation.NONE]["frame_ms"] + fine[name]["shade_ms"]
+        assert fine[name]["frame_ms"] == fine[tessellation.UNREFLECTED]["frame_ms"] + fine[name]["shade_ms"]
     assert all(fit["points"] == 2 for fit in found.fits) and {fit["method"] for fit in found.fits} == names
     assert len(found.samples) == 2 * len(found.rows)
-    tessellation.chart(found, tmp_path / "chart.png")
-    assert (tmp_path / "chart.png").stat().st_size > 10_000
 
 
 # Iterations
 
 
-def test_iterations_are_counted_and_shown_where_the_mirror_shows_them(room, tmp_path):
+def test_iterations_are_counted_and_shown_where_the_mirror_shows_them(room):
     cases = iterations.study(room, (96, 64), FRAME, lambda text: None)
     rows = {case.name: case.row() for case in cases}
     assert list(rows) == [name for name, *_ in iterations.CASES]
@@ -268,8 +273,9 @@ def test_iterations_are_counted_and_shown_where_the_mirror_shows_them(room, tmp_
         # What is drawn is interpolated between vertices: never more than the most, nor less than the least.
         assert case.iterations.min() - 1e-3 <= case.picture[shown].min()
         assert case.picture[shown].max() <= case.iterations.max() + 1e-3
-    iterations.chart(cases, tmp_path / "chart.png")
-    assert (tmp_path / "chart.png").stat().st_size > 10_000
+        steps = case.steps()
+        assert sum(row["vertices"] for row in steps) == len(case.iterations)
+        assert sum(row["vertices"] * row["iterations"] for row in steps) == case.iterations.sum()
 
 
 # The command
@@ -296,8 +302,10 @@ def test_the_command_writes_every_comparison_with_its_samples(room, moving_room,
         "environment_map",
     ]
     for row in rows:
-        sides = {side: [float(s["ms"]) for s in samples if (s["name"], s["side"]) == (row["name"], side)]
-                 for side in (rivals.OURS, row["rival"])}  # fmt: skip
+        sides = {
+            side: [float(s["ms"]) for s in samples if (s["name"], s["side"]) == (row["name"], side)]
+            for side in (rivals.OURS, row["rival"])
+        }
         assert float(row["ours_ms"]) == np.median(sides[rivals.OURS])
         if row["name"] == "raster":
             assert "moderngl" in row["note"]
@@ -333,8 +341,11 @@ def test_a_folder_in_use_is_refused(tmp_path):
 
 def test_embree_shows_a_panorama_as_the_harness_does():
     made = scene_of(
-        balls(), (mirror_ball(),), environment=Environment.painted(lambda d: 0.5 + 0.4 * d, 32), frames=1,
-    )  # fmt: skip
+        balls(),
+        (mirror_ball(),),
+        environment=Environment.painted(lambda d: 0.5 + 0.4 * d, 32),
+        frames=1,
+    )
     renderer = FrameRenderer(made, *SIZE)
     expected = shaded(RayTraced(), made, 0, renderer=renderer)[0]
     whole = np.array(embree.picture(embree.build(made, 0.0), expected.frame.view, True))

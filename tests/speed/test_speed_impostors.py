@@ -22,9 +22,15 @@ from benchharness.speed import sitting as speed
 
 SIZE = (120, 90)
 SETTINGS = popescu.Settings(
-    texels=64, construction=((60, 8), (18, 8), (9, 4)), errors=(8, 16), shade=(6, 16), rotations=(2, 60), walk=(8, 16),
-    reflectors=(1, 2), sizes=((64, 48), (96, 72)),
-)  # fmt: skip
+    texels=64,
+    construction=((60, 8), (18, 8), (9, 4)),
+    errors=(8, 16),
+    shade=(6, 16),
+    rotations=(2, 60),
+    walk=(8, 16),
+    reflectors=(1, 2),
+    sizes=((64, 48), (96, 72)),
+)
 
 
 @pytest.fixture(scope="module")
@@ -35,9 +41,10 @@ def room(variant) -> Scene:
     bar.apply_translation((0.1, -0.85, 0.0))
     fine = lit(Mesh(bar.vertices, bar.faces), 0.05, 0.1)
     return scene_of(
-        (Object("bar", fine, shows="a long border"),), (mirror_ball(),),
+        (Object("bar", fine, shows="a long border"),),
+        (mirror_ball(),),
         environment=Environment.painted(lambda d: 0.5 + 0.4 * d, 32),
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")
@@ -60,8 +67,11 @@ def test_every_table_has_finite_numbers_with_their_intervals(found):
     for r in found.rows:
         assert math.isfinite(r["ours"]) and r["ours"] >= 0, r
         assert set(r) <= set(popescu.COLUMNS)
-        times = [s["ms"] for s in found.samples if (s["table"], s["setting"], s["quantity"]) == (
-            r["table"], r["setting"], r["quantity"])]  # fmt: skip
+        times = [
+            s["ms"]
+            for s in found.samples
+            if (s["table"], s["setting"], s["quantity"]) == (r["table"], r["setting"], r["quantity"])
+        ]
         assert len(times) == (2 if "ours_lo" in r else 0)
         if times:
             assert r["ours_lo"] <= r["ours"] <= r["ours_hi"]
@@ -206,8 +216,9 @@ def test_the_command_writes_tables_and_pictures(found, room, tmp_path, monkeypat
     assert [keywords["count"] for name, keywords in asked if name == "spheres"] == list(range(1, 10))
     assert all(keywords["detail"] == "lean" for _, keywords in asked)
     for name, columns, rows in (
-        ("impostors", popescu.COLUMNS, found.rows), ("impostors-samples", popescu.SAMPLE_COLUMNS, found.samples),
-    ):  # fmt: skip
+        ("impostors", popescu.COLUMNS, found.rows),
+        ("impostors-samples", popescu.SAMPLE_COLUMNS, found.samples),
+    ):
         with (out / f"{name}.csv").open(newline="") as file:
             written = list(csv.DictReader(file))
         assert list(written[0]) == columns and len(written) == len(rows)

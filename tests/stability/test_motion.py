@@ -13,9 +13,10 @@ from support.motion_plugins import SHIFT
 
 from benchharness.measure import metrics
 from benchharness.report import motion as pictures
-from benchharness.stability import film, markers, motion, strips, tables, watch
+from benchharness.stability import film, markers, motion, strips, watch
 from benchharness.study import plugins
 from benchharness.study.config import Entry, plugged_in
+from benchharness.tables import files, stability
 
 HERE = Path(__file__).parents[1] / "support"
 TURNING, SIZE, COUNT = f"{HERE / 'motion_plugins.py'}:turning", (128, 96), 6
@@ -163,9 +164,9 @@ def test_rows_have_the_columns_and_pictures_are_there(steady, tmp_path):
     folder, found = steady
     rows = [motion.row(*pair) for pair in found.values()]
     frames = [frame for pair in found.values() for frame in motion.frame_rows(*pair)]
-    tables.write(tmp_path / motion.FILE, rows, motion.COLUMNS)
-    tables.write(tmp_path / motion.FRAMES_FILE, frames, motion.FRAME_COLUMNS)
-    read, per_frame = tables.read(tmp_path / motion.FILE), tables.read(tmp_path / motion.FRAMES_FILE)
+    files.write(tmp_path / motion.FILE, rows, motion.COLUMNS)
+    files.write(tmp_path / motion.FRAMES_FILE, frames, motion.FRAME_COLUMNS)
+    read, per_frame = stability.read(tmp_path / motion.FILE), stability.read(tmp_path / motion.FRAMES_FILE)
     assert list(read[0]) == [*motion.COLUMNS, "label"] and len(per_frame) == COUNT * len(found)
     assert per_frame[0]["temporal_diff"] == "" and float(per_frame[1]["temporal_diff"]) >= 0
     for row in read:

@@ -20,7 +20,7 @@ from benchharness.execution import folder
 from benchharness.regime import miss
 from benchharness.report import matrix
 from benchharness.stability import atlas, children, plan
-from benchharness.tables import results
+from benchharness.tables import naming
 from scenes import stress
 
 REGIMES = atlas.regimes()
@@ -115,7 +115,7 @@ def test_a_run_has_a_row_for_every_severity_and_method_and_a_page(tmp_path):
     assert all(row["nonfinite_px"] == "0" for row in rows)
     text = page.read_text()
     assert page.name == "stability.html" and "environment_map" in text and "data:image/png;base64" in text
-    assert (tmp_path / "run" / "images" / results.picture_name("contact", 0.0, "ray_traced")).is_file()
+    assert (tmp_path / "run" / "images" / naming.picture_name("contact", 0.0, "ray_traced")).is_file()
 
 
 def test_bad_input_is_refused_with_what_would_be_accepted(tmp_path):
@@ -215,7 +215,7 @@ def test_a_crash_is_exit_code_three_and_a_used_folder_is_taken_up_or_refused(plu
     journal = folder.Journal(out / "journal.jsonl")
     assert stability.run(out, wanted=wanted, tell=told.append, resume=True).code == 3
     assert (len(journal.lines()), table(out)) == (2, rows)
-    picture = out / "images" / results.picture_name("contact", 1.0, "ray_traced")
+    picture = out / "images" / naming.picture_name("contact", 1.0, "ray_traced")
     seen = picture.read_bytes()
     picture.write_bytes(seen[:100])
     assert stability.run(out, wanted=wanted, tell=told.append, resume=True).code == 3

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from benchharness.execution import rerun
-from benchharness.tables import compare, results, times
+from benchharness.tables import compare, formats, results, sides, times
 
 STUDY = """
 [run]
@@ -124,7 +124,7 @@ def read(folder: Path) -> dict[str, list[Run]]:
     for record in (record for side in tables.values() for table in side for record in table.values()):
         if record["status"] != "ok":
             raise ValueError(f"{folder}: {record['method']} is {record['status']}: {record['reason']}; accepted: ok")
-    return {name: list(zip(tables[name], compare.rounds(*(file.parent for file in runs[name])), strict=True)) for name in SIDES}
+    return {name: list(zip(tables[name], sides.rounds([file.parent for file in runs[name]]), strict=True)) for name in SIDES}
 
 
 @dataclass(frozen=True)
@@ -193,7 +193,7 @@ def main() -> None:
     for clock, (raw, steady) in spreads(read(folder)).items():
         print(f"{clock}: a method varies between runs by {100 * raw:.1f} %, beside the drift by {100 * steady:.1f} %")
     for new in ("again",) if asked.unchanged else ("again", "slower"):
-        print(compare.render(compare.compare(folder / "runs" / "base", folder / "runs" / new, fail_on_time=True)))
+        print(formats.as_text(compare.compare(folder / "runs" / "base", folder / "runs" / new, fail_on_time=True)))
     tables = read(folder)
     for runs in sorted({times.LEAST_RUNS, 8, asked.runs}):
         if times.LEAST_RUNS <= runs <= asked.runs:

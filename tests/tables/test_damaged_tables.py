@@ -7,13 +7,41 @@ import random
 import pytest
 
 from benchharness import report
-from benchharness.tables import compare, results
+from benchharness.tables import baseline, compare, formats, results
 
 CELLS = [
-    "", "nan", "inf", "-1", "1e999", "1_0", "0x1", "True", "None", "ok", "crashed", "a=b", "steps=nan", "steps=many", "; ",
-    "1e308", "1e-308",
-    "9" * 400, "9" * 5000, "é\u2028", "\x00", "\x1b[31m", '"', '""', ",", "\n", "2.5", "١", " 3 ", "=1+1", "a" * 140_000,
-]  # fmt: skip
+    "",
+    "nan",
+    "inf",
+    "-1",
+    "1e999",
+    "1_0",
+    "0x1",
+    "True",
+    "None",
+    "ok",
+    "crashed",
+    "a=b",
+    "steps=nan",
+    "steps=many",
+    "; ",
+    "1e308",
+    "1e-308",
+    "9" * 400,
+    "9" * 5000,
+    "é\u2028",
+    "\x00",
+    "\x1b[31m",
+    '"',
+    '""',
+    ",",
+    "\n",
+    "2.5",
+    "١",
+    " 3 ",
+    "=1+1",
+    "a" * 140_000,
+]
 
 
 def table() -> str:
@@ -21,7 +49,7 @@ def table() -> str:
     rows = []
     for method in ("a", "b"):
         for frame in range(3):
-            row = {name: 1 if name in results.INTEGERS else 0.5 for name in results.COLUMNS if name not in results.TEXTS}
+            row = {name: 1 if kind == "integer" else 0.5 for name, kind in results.KINDS.items() if kind != "text"}
             rows.append(",".join(str((values | row | {"method": method, "frame": frame}).get(c, "")) for c in results.COLUMNS))
     return "\n".join([",".join(results.COLUMNS), *rows]) + "\n"
 
@@ -68,12 +96,12 @@ def answered(tmp_path, seed: int, reported: bool = False) -> str:
         try:
             verdict = compare.compare(base, new, fail_on_time=True)
             assert verdict.exit_code in (0, 1, 3, 4)
-            for form in compare.FORMATS.values():
+            for form in formats.FORMATS.values():
                 assert form(verdict)
         except ValueError as error:
             assert str(bad) in str(error) and len(str(error)) < 2000, error
             said = "refused"
-    actions = [lambda: compare.accept(bad, tmp_path / "baselines", "why", replaces=True)]
+    actions = [lambda: baseline.accept(bad, tmp_path / "baselines", "why", replaces=True)]
     if reported:
         actions.append(lambda: report.write(bad))
     for action in actions:

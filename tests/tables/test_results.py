@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 
-from benchharness.tables import results
+from benchharness.tables import files, naming, origin, parameters, results, summary
 
 
 def record(**values) -> dict:
@@ -20,30 +20,30 @@ def record(**values) -> dict:
 
 def test_parameters_come_back_from_their_text():
     values = {"steps": 8, "h_max": 0.1, "tiny": 1e-17, "rule": "on_ray", "cold": True, "cap": None, "bound": math.inf}
-    text = results.params_text(values)
+    text = parameters.params_text(values)
     assert text == "steps=8; h_max=0.1; tiny=1e-17; rule=on_ray; cold=True; cap=None; bound=inf"
-    assert results.parse_params(text) == values
-    assert [type(v) for v in results.parse_params(text).values()] == [type(v) for v in values.values()]
+    assert parameters.parse_params(text) == values
+    assert [type(v) for v in parameters.parse_params(text).values()] == [type(v) for v in values.values()]
 
 
 def test_parameters_of_numpy_are_written_like_pythons():
-    assert results.params_text({"a": np.float64(0.5), "b": np.int32(3)}) == "a=0.5; b=3"
+    assert parameters.params_text({"a": np.float64(0.5), "b": np.int32(3)}) == "a=0.5; b=3"
 
 
 def test_no_parameters_are_an_empty_text_and_back():
-    assert results.params_text({}) == "" and results.parse_params("") == {} and results.parse_params(None) == {}
+    assert parameters.params_text({}) == "" and parameters.parse_params("") == {} and parameters.parse_params(None) == {}
 
 
 @pytest.mark.parametrize("bad", [{"a": "x; y"}, {"a b": 1}, {"a": " x"}, {"a": "x\ny"}])
 def test_parameters_that_would_not_come_back_are_refused(bad):
     with pytest.raises(ValueError, match="accepted"):
-        results.params_text(bad)
+        parameters.params_text(bad)
 
 
 @pytest.mark.parametrize("bad", ["steps", "steps=1;more=2; 3=4", "=1"])
 def test_text_that_is_no_parameter_list_is_refused(bad):
     with pytest.raises(ValueError, match="name=value"):
-        results.parse_params(bad)
+        parameters.parse_params(bad)
 
 
 def test_records_come_back_bit_for_bit_and_integers_stay_integers(tmp_path):
@@ -93,7 +93,7 @@ def test_a_record_that_is_wrong_is_not_written(tmp_path, change, message):
 
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
     results.write_results(tmp_path, [record(flip=0.5)])
-    monkeypatch.setattr(results.os, "replace", lambda *_: (_ for _ in ()).throw(OSError("disk")))
+    monkeypatch.setattr(files.os, "replace", lambda *_: (_ for _ in ()).throw(OSError("disk")))
     with pytest.raises(OSError, match="disk"):
         results.write_results(tmp_path, [record(flip=0.7)])
     assert results.read_results(tmp_path)[0]["flip"] == 0.5
@@ -157,9 +157,9 @@ def test_a_number_is_finite_and_not_negative_but_where_a_reader_asks_for_more(tm
 
 
 def test_the_command_of_a_run_is_kept(tmp_path):
-    assert results.read_command(tmp_path) is None
-    results.write_command(tmp_path, tmp_path / "a.toml", ["/x.py:X"])
-    assert results.read_command(tmp_path) == {"config": str(tmp_path / "a.toml"), "plugins": ["/x.py:X"]}
+    assert origin.read_command(tmp_path) is None
+    origin.write_command(tmp_path, tmp_path / "a.toml", ["/x.py:X"])
+    assert origin.read_command(tmp_path) == {"config": str(tmp_path / "a.toml"), "plugins": ["/x.py:X"]}
 
 
 def test_a_summary_takes_medians_of_times_means_of_errors_and_counts_what_it_left_out():
@@ -170,7 +170,7 @@ def test_a_summary_takes_medians_of_times_means_of_errors_and_counts_what_it_lef
         record(frame=3, shade_ms=99.0, flip=9.0, status="invalid", reason="NaN", nonfinite_px=7, reflector_px=10),
         record(method="other", status="refused", reason="no proxy", frame=None),
     ]
-    one, other = results.summary(rows)
+    one, other = summary.summary(rows)
     assert one["shade_ms"] == 2.0 and one["flip"] == pytest.approx(0.3) and one["iterations_max"] == 9
     assert (one["flip_min"], one["flip_max"]) == (0.1, 0.6)
     assert one["temporal_diff"] == 0.5 and one["jitter_px"] is None
@@ -182,7 +182,7 @@ def test_a_summary_takes_medians_of_times_means_of_errors_and_counts_what_it_lef
 def test_summary_and_samples_are_files_of_the_run(tmp_path):
     results.write_results(tmp_path, [record(shade_ms=3.0)])
     header, row = (tmp_path / "summary.csv").read_text().splitlines()
-    assert header.split(",") == results.SUMMARY_COLUMNS
+    assert header.split(",") == list(results.SUMMARY_KINDS)
     assert dict(zip(header.split(","), row.split(","), strict=True))["shade_ms"] == "3.0"
     sample = dict(scene="s", detail="", frame=0, method="m", params="a=1", clock="shade", round=2, ms=0.1)
     results.write_samples(tmp_path, [sample])
@@ -203,7 +203,7 @@ def test_image_names_are_safe_and_differ_where_the_pictures_do():
         ("../../etc", "", 3, "reference"),
         ("küche/бол", "paper", 3, "reference"),
     ]
-    names = [results.image_name(*case) for case in cases]
+    names = [naming.image_name(*case) for case in cases]
     assert len(set(names)) == len(names)
     assert all(re.fullmatch(r"[A-Za-z0-9_-]+\.png", name) for name in names)
     assert names[0] == "kitchen-lean-0003-reference.png"
@@ -213,18 +213,18 @@ def test_image_names_are_safe_and_differ_where_the_pictures_do():
 @pytest.mark.parametrize("bad", [("s", "", 0, "flip"), ("s", "", 0, "image"), ("s", "", 0, "reference", "m")])
 def test_image_names_of_no_known_kind_are_refused(bad):
     with pytest.raises(ValueError, match="accepted"):
-        results.image_name(*bad)
+        naming.image_name(*bad)
 
 
 def test_the_environment_says_where_a_run_came_from_and_hashes_what_times_depend_on(tmp_path):
-    here = results.environment("llvm_ad_rgb")
+    here = origin.environment("llvm_ad_rgb")
     assert here["packages"]["numpy"] == np.__version__ and here["cores"] >= 1 and here["variant"] == "llvm_ad_rgb"
     same = here | {"time": "later", "commit": "other", "dirty": None}
-    assert results.environment_hash(same) == results.environment_hash(here)
+    assert origin.environment_hash(same) == origin.environment_hash(here)
     for change in ({"cpu": "another"}, {"variant": "cuda_ad_rgb"}, {"packages": here["packages"] | {"drjit": "0"}}):
-        assert results.environment_hash(here | change) != results.environment_hash(here)
-    results.write_environment(tmp_path, here)
-    assert results.read_environment(tmp_path) == here
+        assert origin.environment_hash(here | change) != origin.environment_hash(here)
+    origin.write_environment(tmp_path, here)
+    assert origin.read_environment(tmp_path) == here
     (tmp_path / "environment.json").write_text("[1")
     with pytest.raises(ValueError, match=r"environment\.json: not JSON"):
-        results.read_environment(tmp_path)
+        origin.read_environment(tmp_path)

@@ -29,9 +29,13 @@ def machine(rng, slower: float = 1.0, own: float = 0.02, shared: float = 0.1, he
             for method, frame in itertools.product(range(METHODS), range(FRAMES)):
                 ms = (1.0 + method) * np.exp(load + noise[method]) * (slower if side and method == changed else 1.0)
                 run[("s", "", frame, f"m{method}", "")] = {
-                    "prepare_ms": 20.0, "update_ms": 0.01, "shade_ms": ms, "calibration_ms": 10.0, "environment": "e",
+                    "prepare_ms": 20.0,
+                    "update_ms": 0.01,
+                    "shade_ms": ms,
+                    "calibration_ms": 10.0,
+                    "environment": "e",
                     "method_hash": f"h{method}{side if method == changed else ''}",
-                }  # fmt: skip
+                }
             sides[side].append(run)
     return sides
 

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from benchharness.tables import compare, times
+from benchharness.tables import formats, times
 from benchharness.tables.verdict import Finding, Verdict
 
 GROUP = ("quick", "kitchen", "lean", "secant", "steps=8")
@@ -28,7 +28,7 @@ REPRODUCE = "benchharness run /far/quick.toml --plugin /far/mine.py --only secan
 
 
 def test_json_holds_the_verdict_its_findings_and_its_paces():
-    document = json.loads(compare.FORMATS["json"](verdict(WORSE, paces=(PACE,))))
+    document = json.loads(formats.FORMATS["json"](verdict(WORSE, paces=(PACE,))))
     assert (document["verdict"], document["exit_code"], document["rows"]) == ("a regression was found", 1, 6)
     (finding,) = document["findings"]
     assert finding["kind"] == "regression" and finding["frame"] == 2 and finding["reproduce"] == REPRODUCE
@@ -40,14 +40,14 @@ def test_json_has_no_number_that_is_none():
         raise AssertionError(text)
 
     infinite = Finding("regression", "flip", "0.05 -> nan", *GROUP, size=math.inf)
-    text = compare.FORMATS["json"](verdict(infinite))
+    text = formats.FORMATS["json"](verdict(infinite))
     assert json.loads(text, parse_constant=refuse)["findings"][0]["size"] is None
 
 
 def test_junit_has_a_case_per_row_and_fails_what_regressed():
     lost = Finding("incomplete", "missing", "is gone", *FINE)
     note = Finding("note", "counter x", "is counted now", *FINE)
-    suite = ElementTree.fromstring(compare.FORMATS["junit"](verdict(WORSE, lost, note)))
+    suite = ElementTree.fromstring(formats.FORMATS["junit"](verdict(WORSE, lost, note)))
     assert (suite.get("tests"), suite.get("failures"), suite.get("errors")) == ("2", "1", "1")
     worse, other = suite.findall("testcase")
     assert worse.get("name") == "kitchen lean · secant · steps=8" and worse.get("classname") == "quick"
@@ -57,19 +57,19 @@ def test_junit_has_a_case_per_row_and_fails_what_regressed():
 
 
 def test_junit_of_a_fine_verdict_has_cases_and_no_failure():
-    suite = ElementTree.fromstring(compare.FORMATS["junit"](verdict()))
+    suite = ElementTree.fromstring(formats.FORMATS["junit"](verdict()))
     assert (suite.get("tests"), suite.get("failures"), suite.get("errors")) == ("2", "0", "0")
 
 
 def test_junit_survives_characters_that_xml_cannot_hold():
     odd = Finding("regression", "status", "was ok, is refused: \x00\x1b[31m \ud800 <&>", *GROUP)
-    suite = ElementTree.fromstring(compare.FORMATS["junit"](verdict(odd)).encode())
+    suite = ElementTree.fromstring(formats.FORMATS["junit"](verdict(odd)).encode())
     assert "<&>" in (suite.findtext("testcase/failure") or "")
 
 
 def test_markdown_is_one_table_whatever_a_reason_holds():
     odd = Finding("regression", "status", "was ok, is refused: a | b\n| `c` <script>", *GROUP)
-    lines = compare.FORMATS["markdown"](verdict(odd, paces=(PACE,))).splitlines()
+    lines = formats.FORMATS["markdown"](verdict(odd, paces=(PACE,))).splitlines()
     assert lines[0] == "### benchharness: a regression was found"
     (row,) = [line for line in lines if line.startswith("| regression")]
     assert row.replace("\\|", "").count("|") == 5 and "\\<script\\>" in row
@@ -77,7 +77,7 @@ def test_markdown_is_one_table_whatever_a_reason_holds():
     assert any("10 runs against 10" in line and "1 slow" in line for line in lines)
 
 
-@pytest.mark.parametrize("form", compare.FORMATS)
+@pytest.mark.parametrize("form", formats.FORMATS)
 def test_every_format_says_what_the_exit_code_says(form):
-    assert "a regression was found" in compare.FORMATS[form](verdict(WORSE)) or form == "junit"
-    assert compare.FORMATS[form](verdict()) != compare.FORMATS[form](verdict(WORSE))
+    assert "a regression was found" in formats.FORMATS[form](verdict(WORSE)) or form == "junit"
+    assert formats.FORMATS[form](verdict()) != formats.FORMATS[form](verdict(WORSE))
