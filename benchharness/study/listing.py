@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from pathlib import Path
 
-from benchharness.study import plugins
+from benchharness.study import plugins, shipped
 from benchharness.study.apart import Apart
-
-CONFIGS = Path("configs")
 
 
 def installed(kind: str) -> Iterator[str]:
@@ -28,11 +25,11 @@ def installed(kind: str) -> Iterator[str]:
                 yield f"  {parameter} {default}  ({accepted})"
 
 
-def configs(folder: Path = CONFIGS) -> Iterator[str]:
-    """The configs of a folder with the first line of comment of each."""
-    for path in sorted(folder.glob("*.toml")):
+def configs() -> Iterator[str]:
+    """The names of the configs that there are with the first line of comment of each."""
+    for name, path in shipped.configs().items():
         first = path.read_text(encoding="utf-8", errors="replace").partition("\n")[0]
-        yield f"{path}  {first.lstrip('# ')}".rstrip() if first.startswith("#") else str(path)
+        yield f"{name}  {first.lstrip('# ')}".rstrip() if first.startswith("#") else name
 
 
 KINDS = {"methods": partial(installed, "method"), "scenes": partial(installed, "scene"), "configs": configs}

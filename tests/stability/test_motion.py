@@ -15,7 +15,7 @@ from benchharness.measure import metrics
 from benchharness.report import motion as pictures
 from benchharness.stability import film, markers, motion, strips, tables, watch
 from benchharness.study import plugins
-from benchharness.study.config import Entry, plugged_in
+from benchharness.study.methods import Entry, plugged_in
 
 HERE = Path(__file__).parents[1] / "support"
 TURNING, SIZE, COUNT = f"{HERE / 'motion_plugins.py'}:turning", (128, 96), 6
