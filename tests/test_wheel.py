@@ -9,12 +9,14 @@ import sys
 import sysconfig
 import venv
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import mitsuba as mi  # noqa: F401  (so that the variant is set)
 import pytest
 
 from benchharness import platform
+from benchharness.execution import rerun
 from benchharness.study import config, plugins
 from benchharness.tables import results
 
@@ -97,6 +99,14 @@ def test_what_is_there_is_listed_once_and_whole(call):
         assert [line.partition("  ")[0] for line in said if not line.startswith("  ")] == ours
     names = [line.partition("  ")[0] for line in call("list", "configs").splitlines()]
     assert names == sorted(path.stem for path in (ROOT / "configs").glob("*.toml"))
+
+
+def test_a_checkout_that_is_named_is_imported_from_whatever_is_installed(installed):
+    """As `rerun --against CHECKOUT` does."""
+    side = replace(rerun.installation(ROOT), python=str(installed.parent / "python"))
+    code = "from benchharness.study import plugins; print(plugins.sites('method')['newton'].file)"
+    done = subprocess.run([side.python, "-P", "-c", code], env=side.environment(), capture_output=True, text=True, check=True)
+    assert Path(done.stdout.strip()) == ROOT / "methods" / "newton.py"
 
 
 @pytest.mark.exhaustive

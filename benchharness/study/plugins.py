@@ -344,7 +344,7 @@ def package_of(target: Any) -> str | None:
 
 def beside(path: Path, package: str | None = None) -> list[tuple[str, Path]]:
     """Name and file of each module that a file imports, late or through others, out of its own folder or, where it is the
-    module `package`, out of its own package. Nothing is run: the imports are read from the code."""
+    module `package`, out of its own package, whose name is left out. Nothing is run: the imports are read from the code."""
     if package is None:
         root, start, own, others = path.parent, path.stem, None, {"benchharness"}
     else:
@@ -361,5 +361,5 @@ def beside(path: Path, package: str | None = None) -> list[tuple[str, Path]]:
         file = getattr(module, "__file__", None)  # none of a module that is built in
         ours = own in (None, name.partition(".")[0]) and not f"{start}.".startswith(f"{name}.") and name != "__main__"
         if file is not None and ours:
-            found.append((name, Path(file)))
+            found.append((name if own is None else name.removeprefix(f"{own}."), Path(file)))
     return sorted(found)

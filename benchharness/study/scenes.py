@@ -67,18 +67,18 @@ def specs(section: Mapping[str, Any], path: Path, apart: Apart) -> Iterator[Scen
         if not isinstance(table, dict):
             raise ValueError(f"{where} is {table!r}; accepted: a table of the builder's keywords")
         source = document.source("scene", name, table, path, where)
+        named = where if source is None else f"{where}.source"
         given = {key: value for key, value in table.items() if key != "source"}
         params.check_plain(given, where)
         if source is None and name not in installed and {"objects", "reflectors", "camera"} & set(table):
-            yield SceneSpec(name, name, None, True, table, base, where)
+            yield SceneSpec(name, name, None, table=True, keywords=table, base=base, where=where)
             continue
-        named = where if source is None else f"{where}.source"
         if source is None and name not in installed:
             raise ValueError(f"{named}: {plugins.unknown(name, installed)}")
         asked = {"name": name, "source": source, "fields": given, "where": where, "named": named}
         said = apart.call("benchharness.study.loading:scene", where, **asked)
         for point, label in zip(said["points"], said["labels"], strict=True):
-            yield SceneSpec(label, name, source, False, point, base, where)
+            yield SceneSpec(label, name, source, table=False, keywords=point, base=base, where=where)
 
 
 def examined(spec: dict[str, Any], run: dict[str, Any], path: str) -> dict[str, Any]:
