@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from functools import partial
+from itertools import takewhile
 
 from benchharness.study import plugins, shipped
 from benchharness.study.apart import Apart
@@ -26,10 +28,12 @@ def installed(kind: str) -> Iterator[str]:
 
 
 def configs() -> Iterator[str]:
-    """The names of the configs that there are with the first line of comment of each."""
+    """The names of the configs that there are, each with the first sentence of the comment that it begins with."""
     for name, path in shipped.configs().items():
-        first = path.read_text(encoding="utf-8", errors="replace").partition("\n")[0]
-        yield f"{name}  {first.lstrip('# ')}".rstrip() if first.startswith("#") else name
+        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+        comment = " ".join(line.lstrip("# ") for line in takewhile(lambda line: line.startswith("#"), lines))
+        sentence, *_ = re.split(r"(?<=\.)\s", comment, maxsplit=1)
+        yield f"{name}  {sentence}".rstrip()
 
 
 KINDS = {"methods": partial(installed, "method"), "scenes": partial(installed, "scene"), "configs": configs}

@@ -42,7 +42,7 @@ def configs() -> dict[str, Path]:
     """The configs by name: those in `configs/` of the working folder, and those that come with the harness."""
     found = {}
     for folder in (HERE, HOME / package("configs")):
-        for path in sorted(folder.glob("*.toml")):
+        for path in sorted(folder.glob("*.toml"), key=lambda path: path.stem):
             found.setdefault(path.stem, path)
     return found
 
