@@ -21,6 +21,14 @@ BASELINES = Path("results") / "baselines"
 EXHAUSTED = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOLCK)
 """What no other input mends: the disk is full or broken, too many files are open, there are no locks."""
 
+Study = Annotated[Path, typer.Argument(metavar="CONFIG", help="the study: a TOML file, or a name that `list configs` shows")]
+Out = Annotated[Path | None, typer.Option(help="run folder; a new one under results/runs if not given")]
+Only = Annotated[list[str] | None, typer.Option(metavar="METHOD", help="run this method; may be repeated")]
+Plugin = Annotated[list[str] | None, typer.Option(metavar="FILE[:NAME]", help="add the method of a file; may be repeated")]
+Resume = Annotated[bool, typer.Option("--resume", help="take up a run that was interrupted")]
+Yes = Annotated[bool, typer.Option("--yes", help="begin, though it may take more than an hour")]
+RunFolder = Annotated[Path, typer.Argument(help="a run folder")]
+
 app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
@@ -46,14 +54,12 @@ def command(
 
 @app.command()
 def run(
-    config: Annotated[Path, typer.Argument(help="the study, a TOML file")],
-    out: Annotated[Path | None, typer.Option(help="run folder; a new one under results/runs if not given")] = None,
-    only: Annotated[list[str] | None, typer.Option(metavar="METHOD", help="run this method; may be repeated")] = None,
-    plugin: Annotated[
-        list[str] | None, typer.Option(metavar="FILE[:NAME]", help="add the method of a file; may be repeated")
-    ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="take up a run that was interrupted")] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="begin, though it may take more than an hour")] = False,
+    config: Study,
+    out: Out = None,
+    only: Only = None,
+    plugin: Plugin = None,
+    resume: Resume = False,
+    yes: Yes = False,
     cluster: Annotated[str | None, typer.Option(metavar="ADDRESS", help="a distributed scheduler")] = None,
 ) -> None:
     """Render, measure and report a study."""
@@ -62,14 +68,14 @@ def run(
         from benchharness import report
         from benchharness.execution import progress, runner
         from benchharness.study import config as configs
-        from benchharness.study import plugins
+        from benchharness.study import plugins, shipped
         from benchharness.tables import origin
 
-        console = Console()
+        console, file = Console(), shipped.config(config)
         with progress.listener(console) as listener:
-            study = configs.load(config, plugin or (), only or (), listener.note)
+            study = configs.load(file, plugin or (), only or (), listener.note)
             code, folder = runner.run(study, out, listener, resume=resume, yes=yes, cluster=cluster)
-        origin.write_command(folder, config, [plugins.absolute(spec, Path.cwd()) for spec in plugin or ()])
+        origin.write_command(folder, file, [plugins.absolute(spec, Path.cwd()) for spec in plugin or ()])
         print(report.write(folder))
         return code
 
@@ -79,28 +85,27 @@ def run(
 @app.command()
 def stability(
     config: Annotated[
-        Path | None, typer.Argument(help="further settings, a TOML file; everything there is if not given")
+        Path | None, typer.Argument(help="further settings: a TOML file, or a name; everything there is if not given")
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="folder; a new one under results/runs if not given")] = None,
-    only: Annotated[list[str] | None, typer.Option(metavar="METHOD", help="run this method; may be repeated")] = None,
-    plugin: Annotated[
-        list[str] | None, typer.Option(metavar="FILE[:NAME]", help="add the method of a file; may be repeated")
-    ] = None,
+    out: Out = None,
+    only: Only = None,
+    plugin: Plugin = None,
     study: Annotated[list[str] | None, typer.Option(help="atlas, motion or perturbation; may be repeated")] = None,
     regime: Annotated[list[str] | None, typer.Option(metavar="NAME", help="run this regime; may be repeated")] = None,
     severity: Annotated[float | None, typer.Option(help="run this severity")] = None,
     scene: Annotated[list[str] | None, typer.Option(help="of motion and perturbation; may be repeated")] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="take up a run that was interrupted")] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="begin, though it may take more than an hour")] = False,
+    resume: Resume = False,
+    yes: Yes = False,
 ) -> None:
-    """Drive every method to where it fails, and see whether it says so."""
+    """Drive every method to where it fails; see whether it says so."""
 
     def action() -> int:
         from benchharness import stability
         from benchharness.report import matrix
+        from benchharness.study import shipped
 
         wanted = stability.Wanted(plugin or (), only or (), study or (), regime or (), severity, scene or ())
-        outcome = stability.run(out, config, wanted, resume=resume, yes=yes)
+        outcome = stability.run(out, config and shipped.config(config), wanted, resume=resume, yes=yes)
         print(f"{matrix.write(outcome.folder)}: {outcome.silent} rows fail silently")
         return outcome.code
 
@@ -109,7 +114,7 @@ def stability(
 
 @app.command()
 def speed(
-    out: Annotated[Path | None, typer.Option(help="folder; a new one under results/runs if not given")] = None,
+    out: Out = None,
     size: Annotated[tuple[int, int], typer.Option(metavar="W H", help="pixels")] = (720, 512),
     frame: Annotated[int, typer.Option(help="of the kitchen; at 62 the bowl fills a quarter")] = 62,
     detail: Annotated[str, typer.Option(help="lean or paper")] = "paper",
@@ -119,7 +124,7 @@ def speed(
     impostors: Annotated[bool, typer.Option("--impostors", help="also: a paper's tables of impostors, beside ours")] = False,
     complexity: Annotated[bool, typer.Option("--complexity", help="also: time and error against the mirror's shape")] = False,
 ) -> None:
-    """Time the harness's own stages and whole frames against Embree and llvmpipe."""
+    """Time stages and whole frames against Embree and llvmpipe."""
 
     def action() -> int:
         from benchharness.execution import folder
@@ -135,7 +140,7 @@ def speed(
 
 
 @app.command()
-def report(run: Annotated[Path, typer.Argument(help="a run folder")]) -> None:
+def report(run: RunFolder) -> None:
     """Write report.html of a run anew."""
 
     def action() -> int:
@@ -156,7 +161,10 @@ def compare(
     ] = False,
     format: Annotated[str, typer.Option(help="text, json, junit or markdown")] = "text",
 ) -> None:
-    """Say whether a change made it better or worse. Exit code 1 for a regression, 4 if it cannot be said."""
+    """Say whether a change made it better or worse.
+
+    Exit code 1 for a regression, 4 if it cannot be said.
+    """
 
     def action() -> int:
         from benchharness.tables import compare, formats
@@ -174,19 +182,20 @@ def compare(
 
 @app.command()
 def rerun(
-    config: Annotated[Path, typer.Argument(help="the study, a TOML file")],
+    config: Study,
     against: Annotated[
         Path | None, typer.Option(help="the base: a checkout, or another environment's python; this code if not given")
     ] = None,
     times: Annotated[int, typer.Option(help="runs of each side")] = 10,
-    out: Annotated[Path | None, typer.Option(help="folder; a new one under results/runs if not given")] = None,
-    only: Annotated[list[str] | None, typer.Option(metavar="METHOD", help="run this method; may be repeated")] = None,
-    plugin: Annotated[
-        list[str] | None, typer.Option(metavar="FILE[:NAME]", help="add the method of a file; may be repeated")
-    ] = None,
+    out: Out = None,
+    only: Only = None,
+    plugin: Plugin = None,
     resume: Annotated[bool, typer.Option("--resume", help="keep the runs that --out has")] = False,
 ) -> None:
-    """Run a study of two installations in turns, and say which is slower: exit code 1 if this one is, without doubt."""
+    """Run two installations in turns, and say which is slower.
+
+    Exit code 1 if this one is, without doubt.
+    """
 
     def action() -> int:
         from benchharness.execution import folder, rerun
@@ -209,7 +218,7 @@ def rerun(
 
 @app.command()
 def accept(
-    run: Annotated[Path, typer.Argument(help="a run folder")],
+    run: RunFolder,
     because: Annotated[str, typer.Option(help="the reason, which is kept")],
     baselines: Annotated[Path, typer.Option(help="folder of the baselines")] = BASELINES,
     replace: Annotated[bool, typer.Option("--replace", help="drop a baseline of other settings or scenes")] = False,
@@ -262,7 +271,10 @@ def new_method(name: Annotated[str, typer.Argument(help="such as my_method")]) -
 
 @app.command("check-method")
 def check_method(file: Annotated[str, typer.Argument(metavar="FILE[:NAME]")]) -> None:
-    """See whether a method keeps its contract. Exit code 2 if it does not."""
+    """See whether a method keeps its contract.
+
+    Exit code 2 if it does not.
+    """
 
     def action() -> int:
         from benchharness.execution import check
@@ -277,7 +289,7 @@ def check_method(file: Annotated[str, typer.Argument(metavar="FILE[:NAME]")]) ->
 
 @app.command()
 def doctor() -> None:
-    """Try every variant on this machine, and say how to mend what does not work."""
+    """Try every variant here, and say how to mend what fails."""
 
     def action() -> int:
         from benchharness.execution import doctor
@@ -341,7 +353,3 @@ def _code(action: Callable[[], int]) -> int:
 def _said(message: object, code: int) -> int:
     Console(stderr=True, soft_wrap=True).print(f"[red]error:[/red] {escape(str(message))}", highlight=False)
     return code
-
-
-if __name__ == "__main__":
-    main()

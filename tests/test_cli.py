@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import errno
+import subprocess
 import sys
 import types
 from contextlib import contextmanager
+from pathlib import Path
 
 import mitsuba as mi  # noqa: F401  (so that the variant is set)
 import pytest
 from support import study
 from typer.testing import CliRunner
 
+import benchharness
 from benchharness import cli, platform, report, stability
 from benchharness.execution import check, cluster, doctor, runner
+from benchharness.study import shipped
 from benchharness.tables import baseline, compare, formats, origin
+
+CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 
 
 def call(*arguments: object):
@@ -46,6 +52,45 @@ def test_a_crash_is_exit_code_three_and_said(tmp_path, fake):
     done = call("run", study.write(tmp_path, '["a", "aborts 0"]'), "--out", tmp_path / "out")
     assert done.exit_code == 3
     assert "crashed: actor behaviour=aborts 0" in done.stdout
+
+
+def test_a_config_is_found_by_its_path_then_by_name_here_then_among_those_that_come_with_it(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert shipped.config(Path("kitchen-quick")).read_bytes() == (CONFIGS / "kitchen-quick.toml").read_bytes()
+    (tmp_path / "configs").mkdir()
+    ours = tmp_path / "configs" / "kitchen-quick.toml"
+    ours.touch()
+    assert shipped.config(Path("kitchen-quick")).resolve() == ours
+    (tmp_path / "kitchen-quick").touch()
+    assert shipped.config(Path("kitchen-quick")).resolve() == tmp_path / "kitchen-quick"
+    assert shipped.config(CONFIGS / "main.toml") == CONFIGS / "main.toml"
+    done = call("run", "kitchen-quik")
+    assert done.exit_code == 2
+    assert "kitchen-quik: there is no such config, did you mean 'kitchen-quick'?; accepted: a TOML file, or" in done.stderr
+
+
+def test_a_study_that_is_named_is_run(tmp_path, fake, monkeypatch):
+    (tmp_path / "configs").mkdir()
+    study.write(tmp_path / "configs", '["a"]').rename(tmp_path / "configs" / "mine.toml")
+    monkeypatch.chdir(tmp_path)
+    done = call("run", "mine", "--out", "out")
+    assert done.exit_code == 0, done.output
+    command = results.read_command(tmp_path / "out")
+    assert command is not None and command["config"] == str(tmp_path / "configs" / "mine.toml")
+
+
+def test_every_command_says_what_it_does_in_one_line(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    said = call("--help").stdout
+    for command in cli.app.registered_commands:
+        name = command.name or command.callback.__name__
+        (line,) = (line for line in said.splitlines() if line[1:].strip().startswith(f"{name} "))
+        assert line.rstrip(" │").endswith("."), line
+
+
+def test_the_module_is_the_command():
+    done = subprocess.run([sys.executable, "-m", "benchharness", "--version"], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, f"benchharness {benchharness.__version__}\n")
 
 
 def test_wrong_input_is_exit_code_two_and_one_message_without_traceback(tmp_path):
@@ -178,9 +223,11 @@ def test_list_shows_fields_with_defaults_and_what_is_broken(tmp_path, monkeypatc
     assert "actor  (none)" in lines
     assert "  size = 1  (int)" in lines
     assert "  detail = lean  (str)" in lines
-    assert "configs/a.toml  What it is about." in lines
+    assert "a  What it is about." in lines
     assert any(line.startswith("torn  BROKEN (package methods): SyntaxError") for line in lines)
-    assert call("list", "configs").stdout == "configs/a.toml  What it is about.\n"
+    configs = call("list", "configs").stdout.splitlines()
+    assert configs[0] == "a  What it is about."
+    assert {line.partition("  ")[0] for line in configs} > {"kitchen-quick", "main"}, "those that come with it"
     for name in [m for m in sys.modules if m.partition(".")[0] in ("methods", "scenes")]:
         del sys.modules[name]
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
+import test_layers
 
 from benchharness import platform
 from benchharness.report import columns
+from benchharness.study import run, scenes
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -38,6 +41,15 @@ def test_files_that_are_named_exist(page):
     assert not missing
 
 
+def test_the_table_of_rooms_is_what_the_layers_are_held_to():
+    page = (ROOT / "docs" / "architecture.md").read_text()
+    rooms = page[: page.index("## Where would you put")]
+    said = {name: may for name, may in re.findall(r"^\| `([\w.]+)` \|.*\|([^|]*)\|$", rooms, re.MULTILINE)}
+    assert {name: set(re.findall(r"`([\w.]+)`", may)) for name, may in said.items()} == {
+        name: set(may.split()) for name, may in test_layers.MAY.items()
+    }
+
+
 def test_entries_that_regimes_cite_are_in_the_catalogue():
     said = set(re.findall(r"\b[TFIPM]-?\d+\b", (ROOT / "docs" / "failures.md").read_text()))
     cited = {
@@ -57,12 +69,28 @@ def test_the_readme_is_read_in_five_minutes():
     assert len((ROOT / "README.md").read_text().splitlines()) <= 150
 
 
+def shown(what: str) -> str:
+    """The block of Python in extending.md that has `what` in it."""
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "extending.md").read_text(), re.DOTALL)
+    (code,) = (block for block in blocks if what in block)
+    return code
+
+
 def test_the_method_that_is_shown_is_one():
     platform.use_variant("llvm_ad_rgb")
     from benchharness.api import Method
 
-    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "extending.md").read_text(), re.DOTALL)
-    shown: dict = {}
-    exec(compile(code, "extending.md", "exec"), shown)
-    dome = shown["Dome"]()
+    names: dict = {}
+    exec(compile(shown("class Dome"), "extending.md", "exec"), names)
+    dome = names["Dome"]()
     assert isinstance(dome, Method) and dome.brightness == 1.0
+
+
+def test_the_scene_that_is_shown_can_be_rendered(tmp_path):
+    file = tmp_path / "marbles.py"
+    file.write_text(shown("def marbles"))
+    for number, detail in enumerate(["lean", "paper"]):
+        spec = scenes.SceneSpec("marbles", "marbles", str(file), False, {"gap": 0.0, "detail": detail}, str(tmp_path), "here")
+        said = scenes.examined(asdict(spec), asdict(run.Run()), "study.toml")
+        assert (said["facts"]["detail"], said["facts"]["reflectors"], said["notes"]) == (detail, 1, [])
+        assert said["facts"]["vertices"] == 3 * (10 * 4 ** (4 + number) + 2), "an icosphere's, three times"

@@ -30,7 +30,8 @@ from pathlib import Path
 from typing import Any
 
 from benchharness import processes
-from benchharness.study.config import Entry, Job
+from benchharness.study.config import Job
+from benchharness.study.methods import Entry
 
 LAST_WORDS_S = 30.0
 """How long a worker may take to end after it closed its stdout."""

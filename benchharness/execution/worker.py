@@ -76,7 +76,8 @@ def _work(job: dict[str, Any], say: Callable[[dict], None]) -> None:
     platform.use_variant(job["variant"])
     from benchharness.measure import contract
     from benchharness.render.reference import ReferenceOptions
-    from benchharness.study.config import Entry, SceneSpec
+    from benchharness.study.methods import Entry
+    from benchharness.study.scenes import SceneSpec
 
     def watch(entry: str) -> None:
         say({"event": "watch", "entry": entry})

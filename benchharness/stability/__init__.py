@@ -26,6 +26,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from benchharness import cache, platform
 from benchharness.execution import folder
 from benchharness.exits import Exit
+from benchharness.study import shipped
 from benchharness.tables import columns, files, naming, origin
 
 if TYPE_CHECKING:
@@ -124,7 +125,8 @@ def _depends(planned: Plan, groups: Groups) -> dict[str, Any]:
     from benchharness.stability import children
 
     environment = origin.environment(children.VARIANT)
-    files = [file for root in importlib.import_module("scenes").__path__ for file in sorted(Path(root).rglob("*.py"))]
+    scenes = importlib.import_module(shipped.package("scenes"))
+    files = [file for root in scenes.__path__ for file in sorted(Path(root).rglob("*.py"))]
     files += [file for name in groups.get("motion", {}) if (file := Path(name.partition(":")[0])).suffix == ".py"]
     return {
         "work": {f"{study} {group}": naming.short_hash(units) for study in groups for group, units in groups[study].items()},

@@ -20,10 +20,10 @@ import numpy as np
 from benchharness.regime import Regime
 from benchharness.scene import Scene
 from benchharness.stability import plan
-from benchharness.study.config import Entry
+from benchharness.study import shipped
+from benchharness.study.methods import Entry
 from benchharness.tables import naming
 
-STRESS = "scenes.stress"
 FILE = "stability.csv"
 APIECE = 4  # groups that share a process
 UNIT_S = 0.25  # about, on two cores
@@ -73,16 +73,17 @@ def regimes() -> Regimes:
 
     Raises ValueError for one that has only one of the two.
     """
+    stress = f"{shipped.package('scenes')}.stress"
     try:
-        home = importlib.import_module(STRESS)
+        home = importlib.import_module(stress)
     except ModuleNotFoundError:
         return {}
     found: Regimes = {}
     for name in sorted(m.name for m in pkgutil.iter_modules(home.__path__)):
-        module = importlib.import_module(f"{STRESS}.{name}")
+        module = importlib.import_module(f"{stress}.{name}")
         regime, builder = getattr(module, "REGIME", None), getattr(module, name, None)
         if (regime is None) != (not callable(builder)):
-            raise ValueError(f"{STRESS}.{name} has {'no REGIME' if regime is None else f'no function {name}'}; accepted: both")
+            raise ValueError(f"{stress}.{name} has {'no REGIME' if regime is None else f'no function {name}'}; accepted: both")
         if isinstance(regime, Regime) and builder is not None:
             found[name] = replace(regime, name=name), builder
     return found

@@ -20,7 +20,7 @@ from benchharness.render import reference
 from benchharness.render.ready import ready
 from benchharness.scene import Scene
 from benchharness.study import params, plugins
-from benchharness.study.config import SceneSpec
+from benchharness.study.scenes import SceneSpec
 
 BEFORE, AFTER = 2, 3  # frames of a run with a jump in it
 OPTIONS = reference.ReferenceOptions(spp=2)

@@ -41,7 +41,7 @@ from benchharness.measure import metrics
 from benchharness.stability import plan, strips
 from benchharness.study import plugins
 from benchharness.study.apart import Apart
-from benchharness.study.config import Entry
+from benchharness.study.methods import Entry
 from benchharness.tables import naming
 
 FILE, FRAMES_FILE = "motion.csv", "motion-frames.csv"

@@ -27,7 +27,7 @@ import numpy as np
 from benchharness.scene import Scene
 from benchharness.stability import altered, atlas, plan
 from benchharness.study import plugins
-from benchharness.study.config import Entry
+from benchharness.study.methods import Entry
 from benchharness.tables import naming
 
 FILE = "perturbation.csv"

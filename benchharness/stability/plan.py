@@ -17,15 +17,15 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from benchharness.study import config, params, plugins
+from benchharness.study import document, methods, params, plugins, run
 from benchharness.study.apart import Apart
-from benchharness.study.config import Entry
+from benchharness.study.methods import Entry
 
 STUDIES = ("atlas", "motion", "perturbation")
 SECTIONS = (*STUDIES, "methods")
 
 Pixels = Annotated[int, Field(ge=1, le=4096)]
-Frames = Annotated[int, Field(ge=3, le=config.MOST_FRAMES)]
+Frames = Annotated[int, Field(ge=3, le=run.MOST_FRAMES)]
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Motion:
     kinds: tuple[Literal["steady", "cut", "teleport"], ...] = ("steady", "cut", "teleport")
     frames: Frames = 12
     substeps: Annotated[int, Field(ge=1, le=1000)] = 4
-    start: config.Index | None = None
+    start: run.Index | None = None
     size: tuple[Pixels, Pixels] = (320, 228)
     followed: Frames = 8
     places: Literal[1, 3, 5, 7, 9] = 3
@@ -96,13 +96,13 @@ def load(path: Path | None, extra: Sequence[str] = (), only: Sequence[str] = (),
 
     Raises ValueError for what is wrong in the file or in a name.
     """
-    document = {} if path is None else config.read(path, SECTIONS)
+    tables = {} if path is None else document.read(path, SECTIONS)
     kinds = {"atlas": Atlas, "motion": Motion, "perturbation": Perturbation}
-    options = {name: params.options(kind, document.get(name, {}), f"{path}: [{name}]") for name, kind in kinds.items()}
+    options = {name: params.options(kind, tables.get(name, {}), f"{path}: [{name}]") for name, kind in kinds.items()}
     with Apart() as apart:
-        further = config.entries(document.get("methods", {}), path or Path(), apart)
-        plugged_in = (config.plugged_in(spec, apart) for spec in extra)
-        entries = config.distinct([*config.installed(apart), *plugged_in, *further])
+        further = methods.entries(tables.get("methods", {}), path or Path(), apart)
+        plugged_in = (methods.plugged_in(spec, apart) for spec in extra)
+        entries = methods.distinct([*methods.installed(apart), *plugged_in, *further])
     labels = {label(entry): entry for entry in entries}
     for name in only:
         if name not in labels and name not in {entry.method for entry in entries}:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from functools import partial
-from pathlib import Path
+from itertools import takewhile
 
-from benchharness.study import plugins
+from benchharness.study import plugins, shipped
 from benchharness.study.apart import Apart
 from benchharness.tables import columns
-
-CONFIGS = Path("configs")
 
 
 def installed(kind: str) -> Iterator[str]:
@@ -29,11 +28,13 @@ def installed(kind: str) -> Iterator[str]:
                 yield f"  {parameter} {default}  ({accepted})"
 
 
-def configs(folder: Path = CONFIGS) -> Iterator[str]:
-    """The configs of a folder with the first line of comment of each."""
-    for path in sorted(folder.glob("*.toml")):
-        first = path.read_text(encoding="utf-8", errors="replace").partition("\n")[0]
-        yield f"{path}  {first.lstrip('# ')}".rstrip() if first.startswith("#") else str(path)
+def configs() -> Iterator[str]:
+    """The names of the configs that there are, each with the first sentence of the comment that it begins with."""
+    for name, path in shipped.configs().items():
+        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+        comment = " ".join(line.lstrip("# ") for line in takewhile(lambda line: line.startswith("#"), lines))
+        sentence, *_ = re.split(r"(?<=\.)\s", comment, maxsplit=1)
+        yield f"{name}  {sentence}".rstrip()
 
 
 def metrics() -> Iterator[str]:

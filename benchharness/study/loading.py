@@ -26,7 +26,7 @@ def reference(table: Mapping[str, Any], where: str) -> dict[str, Any]:
 
 
 def method(name: str, source: str | None, fields: Mapping[str, Any], where: str, named: str) -> dict[str, Any]:
-    """Every combination of a table's values, tried: {"points": [{"params", "changed"}], "hash"}; see `config.Entry`.
+    """Every combination of a table's values, tried: {"points": [{"params", "changed"}], "hash"}; see `methods.Entry`.
 
     Raises ValueError for what is wrong with the method or in the table, and where the method refuses its parameters.
     """

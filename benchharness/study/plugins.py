@@ -1,8 +1,9 @@
 """Finds methods and scenes: nothing registers itself, and the harness knows none of them by name.
 
-A method is a module of the package `methods`, an entry point of the group `benchharness.methods`, or a path `file.py`
-or `file.py:Name`. Its name is the module's (or the entry point's) name; its class is the one concrete subclass of
-`benchharness.api.Method` that the module defines, or the one whose name is the module's name in CamelCase.
+A method is a module of the package `methods` (whatever that is called here: `benchharness.study.shipped`), an entry point
+of the group `benchharness.methods`, or a path `file.py` or `file.py:Name`. Its name is the module's (or the entry point's)
+name; its class is the one concrete subclass of `benchharness.api.Method` that the module defines, or the one whose name is
+the module's name in CamelCase.
 
 A scene is found the same way (package `scenes`, group `benchharness.scenes`, a path); its builder is the function with
 the module's name, which returns a `benchharness.scene.Scene`. A module of `scenes` without one is a helper, no scene.
@@ -29,6 +30,8 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
+
+from benchharness.study import shipped
 
 if TYPE_CHECKING:
     from benchharness.api import Method
@@ -224,13 +227,14 @@ def _split(spec: str) -> tuple[str, str | None]:
 
 
 def _in_package(kind: str) -> Iterator[Site]:
-    package = importlib.util.find_spec(f"{kind}s")
-    if package is None:  # the harness alone, without the methods and scenes that come with it
+    package = shipped.package(f"{kind}s")
+    spec = importlib.util.find_spec(package)
+    if spec is None:  # the harness alone, without the methods and scenes that come with it
         return
-    for folder in package.submodule_search_locations or ():
+    for folder in spec.submodule_search_locations or ():
         for name, packed in sorted((module.name, module.ispkg) for module in pkgutil.iter_modules([folder])):
             file = Path(folder).resolve() / (f"{name}/__init__.py" if packed else f"{name}.py")
-            yield Site(name, kind, f"package {kind}s", f"{kind}s.{name}", file=str(file))
+            yield Site(name, kind, f"package {package}", f"{package}.{name}", file=str(file))
 
 
 def _entry_points(kind: str) -> Iterator[Site]:
@@ -340,13 +344,14 @@ def package_of(target: Any) -> str | None:
 
 def beside(path: Path, package: str | None = None) -> list[tuple[str, Path]]:
     """Name and file of each module that a file imports, late or through others, out of its own folder or, where it is the
-    module `package`, out of its own package. Nothing is run: the imports are read from the code."""
+    module `package`, out of its own package, whose name is left out. Nothing is run: the imports are read from the code."""
     if package is None:
-        root, start, own = path.parent, path.stem, None
+        root, start, own, others = path.parent, path.stem, None, {"benchharness"}
     else:
         levels = package.count(".") + (path.name == "__init__.py")
         root, start, own = path.parents[levels], package, package.partition(".")[0]
-    finder = modulefinder.ModuleFinder([str(root)], excludes=["benchharness"])
+        others = {module.name for module in pkgutil.iter_modules([str(root)])} - {own}  # all of site-packages, it may be
+    finder = modulefinder.ModuleFinder([str(root)], excludes=sorted(others))
     if package is None:
         finder.run_script(str(path))
     else:
@@ -356,5 +361,5 @@ def beside(path: Path, package: str | None = None) -> list[tuple[str, Path]]:
         file = getattr(module, "__file__", None)  # none of a module that is built in
         ours = own in (None, name.partition(".")[0]) and not f"{start}.".startswith(f"{name}.") and name != "__main__"
         if file is not None and ours:
-            found.append((name, Path(file)))
+            found.append((name if own is None else name.removeprefix(f"{own}."), Path(file)))
     return sorted(found)

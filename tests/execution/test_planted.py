@@ -1,4 +1,4 @@
-"""Changes planted in a method or a scene, each run for real and compared with the run before: the verdict has the right code."""
+"""Changes planted in a method or a scene, run for real and compared with the run before: the verdict has the right code."""
 
 from __future__ import annotations
 

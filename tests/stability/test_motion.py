@@ -15,7 +15,7 @@ from benchharness.measure import metrics
 from benchharness.report import motion as pictures
 from benchharness.stability import film, markers, motion, strips, watch
 from benchharness.study import plugins
-from benchharness.study.config import Entry, plugged_in
+from benchharness.study.methods import Entry, plugged_in
 from benchharness.tables import files, stability
 
 HERE = Path(__file__).parents[1] / "support"

@@ -13,7 +13,7 @@ from support.mirror_room import mirror_room
 from benchharness.measure import truth
 from benchharness.scene import Mesh, Reflector
 from benchharness.stability import altered, perturbation
-from benchharness.study import config, plugins
+from benchharness.study import methods, plugins
 
 SIZE = (64, 48)
 NOISE = '''
@@ -131,8 +131,8 @@ def rows(tmp_path_factory, module_cache):
     """Rows of a floor in a convex mirror, by method and kind: traced rays, and a hash of the eye's position."""
     folder = tmp_path_factory.mktemp("perturbation")
     (folder / "hash_of_the_eye.py").write_text(NOISE)
-    traced = next(entry for entry in config.installed(Here()) if entry.method == "ray_traced")
-    entries = [traced, config.plugged_in(str(folder / "hash_of_the_eye.py"), Here())]
+    traced = next(entry for entry in methods.installed(Here()) if entry.method == "ray_traced")
+    entries = [traced, methods.plugged_in(str(folder / "hash_of_the_eye.py"), Here())]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(perturbation, "SIZE", SIZE)
         (name, units), *others = perturbation.units(entries, ["hidden"]).items()

@@ -15,7 +15,7 @@ from support import study
 from benchharness.execution import estimate
 from benchharness.modelling import subdivision
 from benchharness.stability import plan
-from benchharness.study import config, identity, params, plugins
+from benchharness.study import config, identity, params, plugins, run, scenes
 
 pytestmark = pytest.mark.usefixtures("plugins_here")
 
@@ -114,7 +114,7 @@ camera = {path = [[0, -4, 1], [1, -4, 1]], target = [0, 0, 0], fov_deg = 40}
     ],
 )
 def test_frames_are_spread_evenly_with_the_first_and_the_last(asked, available, frames):
-    assert config.pick_frames(asked, available, "k") == frames
+    assert run.pick_frames(asked, available, "k") == frames
 
 
 @pytest.mark.parametrize(
@@ -295,7 +295,7 @@ def test_the_config_hash_follows_what_determines_results_and_nothing_else(write,
 def test_the_scene_hash_follows_content_over_the_whole_animation(write, tmp_path):
     def scene_hash(**keywords):
         text = json.dumps(keywords)
-        scene = config.SceneSpec("s", "place", str(tmp_path / "place.py"), False, json.loads(text), str(tmp_path), "w")
+        scene = scenes.SceneSpec("s", "place", str(tmp_path / "place.py"), False, json.loads(text), str(tmp_path), "w")
         return identity.of_scene(scene.build())
 
     write()
@@ -331,4 +331,4 @@ def test_a_config_that_comes_with_it_is_valid_and_says_what_it_is_about(path):
 def test_a_scene_in_which_nothing_shines_is_refused(write):
     scene = config.load(write(GOOD)).jobs[0].scene.build()
     with pytest.raises(ValueError, match=r"here: nothing shines; accepted: an object with emission"):
-        config._check_light(replace(scene, background=(0.0, 0.0, 0.0)), "here")
+        scenes._check_light(replace(scene, background=(0.0, 0.0, 0.0)), "here")

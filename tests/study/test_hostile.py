@@ -13,7 +13,7 @@ import pytest
 from support import hostile_plugins, study
 
 from benchharness import processes
-from benchharness.study import apart, config, listing, plugins
+from benchharness.study import apart, config, listing, methods, plugins
 from benchharness.study.apart import Apart
 
 PLUGINS = hostile_plugins.plugins()
@@ -54,7 +54,7 @@ def tier(plugin: hostile_plugins.Plugin) -> object:
 def test_a_hostile_plugin_is_an_error_that_says_so(tmp_path, impatient, asked, plugin):
     file = write(tmp_path, plugin)
     with pytest.raises(ValueError) as error:
-        config.plugged_in(str(file), asked)
+        methods.plugged_in(str(file), asked)
     said = str(error.value)
     assert re.search(plugin.says, said, re.DOTALL), said
     assert said.startswith("--plugin")
@@ -64,7 +64,7 @@ def test_a_hostile_plugin_is_an_error_that_says_so(tmp_path, impatient, asked, p
 
 def test_after_all_of_them_a_good_one_is_heard(tmp_path, asked):
     (tmp_path / "good.py").write_text(GOOD)
-    entry = config.plugged_in(str(tmp_path / "good.py"), asked)
+    entry = methods.plugged_in(str(tmp_path / "good.py"), asked)
     assert (entry.key, entry.changed, len(entry.method_hash)) == ("good size=3", [], 16)
 
 
@@ -72,7 +72,8 @@ def test_the_process_that_keeps_results_imports_no_plugin_and_no_dr_jit(tmp_path
     path = study.write(tmp_path, '["a"]')
     (tmp_path / "actor.py").write_text(study.METHOD + "\nprint('imported by', os.getpid(), flush=True)\n")
     code = (
-        "import sys; from pathlib import Path; from benchharness import config, listing, runner\n"
+        "import sys; from pathlib import Path\n"
+        "from benchharness.execution import runner; from benchharness.study import config, listing\n"
         f"study = config.load(Path({str(path)!r}))\n"
         "print(len(study.jobs), [m for m in sys.modules if m.partition('.')[0] in ('drjit', 'mitsuba', 'methods', 'scenes')\n"
         "      or m.startswith('benchharness_plugin')])"
@@ -97,7 +98,7 @@ def test_an_installed_plugin_that_leaves_is_listed_as_broken_and_the_others_go_o
     assert "zealous  (none)" in lines
     notes: list[str] = []
     with Apart() as asked:
-        names = [entry.method for entry in config.installed(asked, notes.append)]
+        names = [entry.method for entry in methods.installed(asked, notes.append)]
     assert names == ["zealous"]
     assert len(notes) == 1 and notes[0].startswith("left out: leaving: cannot be used")
 
@@ -118,7 +119,7 @@ def test_a_scene_that_ends_its_process_or_never_ends_is_an_error(tmp_path, deed,
 
 def test_what_lies_beside_a_plugin_is_imported_and_part_of_its_hash(tmp_path, asked):
     def hashed() -> str:
-        return config.plugged_in(str(tmp_path / "good.py"), asked).method_hash
+        return methods.plugged_in(str(tmp_path / "good.py"), asked).method_hash
 
     late = GOOD.replace("def prepare(self, scene): return None", "def prepare(self, scene): import late; return late")
     (tmp_path / "good.py").write_text("import early\n" + late)
@@ -143,11 +144,11 @@ def test_two_plugins_do_not_get_each_others_helpers(tmp_path, asked):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "helper_of_two.py").write_text(f"x = {folder!r}\n")
         (tmp_path / folder / f"{folder}.py").write_text("import helper_of_two\n" + GOOD)
-    config.plugged_in(str(tmp_path / "one" / "one.py"), asked)
+    methods.plugged_in(str(tmp_path / "one" / "one.py"), asked)
     with pytest.raises(
         ValueError, match=r"'helper_of_two', which is both beside it and at .*one.helper_of_two.py; accepted: a name"
     ):
-        config.plugged_in(str(tmp_path / "two" / "two.py"), asked)
+        methods.plugged_in(str(tmp_path / "two" / "two.py"), asked)
 
 
 @pytest.mark.parametrize(("kind", "name"), [("methods", "newton"), ("scenes", "kitchen")])
@@ -162,9 +163,9 @@ def test_a_file_may_not_go_by_the_name_of_what_is_installed(plugins_here, tmp_pa
 def test_a_plugin_may_not_go_by_the_name_of_a_method_unless_it_is_that_method(tmp_path, asked):
     (tmp_path / "newton.py").write_text(GOOD)
     with pytest.raises(ValueError, match="--plugin: the name 'newton' is taken by package methods"):
-        config.plugged_in(str(tmp_path / "newton.py"), asked)
+        methods.plugged_in(str(tmp_path / "newton.py"), asked)
     own = Path(__file__).parents[2] / "methods" / "newton.py"
-    assert config.plugged_in(str(own), asked).method == "newton"
+    assert methods.plugged_in(str(own), asked).method == "newton"
 
 
 def command(*arguments: object) -> subprocess.CompletedProcess:

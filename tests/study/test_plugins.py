@@ -91,7 +91,7 @@ def test_a_scene_module_without_a_builder_of_its_name_is_a_helper(package):
     assert [name for name, site in plugins.sites("scene").items() if site.offers] == ["room"]
     with pytest.raises(ValueError, match=r"here: 'rom' is unknown, did you mean 'room'\?; accepted: room"):
         plugins.find("scene", "rom", "here")
-    with pytest.raises(ValueError, match=r"here: scenes.props.shapes has no builder 'shapes'"):
+    with pytest.raises(ValueError, match=r"here: scenes.shapes has no builder 'shapes'"):
         plugins.find("scene", "shapes", "here")
 
 
