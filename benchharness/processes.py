@@ -75,8 +75,12 @@ def start(module: str, *arguments: str, log: IO[bytes], **environment: str) -> s
     """`python -m module`, in a session of its own and an environment of ours; stdin and stdout are pipes. End it with `end`."""
     return subprocess.Popen(
         [sys.executable, "-P", "-m", module, *arguments],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, env=surroundings() | environment, start_new_session=True,
-    )  # fmt: skip
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=log,
+        env=surroundings() | environment,
+        start_new_session=True,
+    )
 
 
 def end(process: subprocess.Popen[bytes]) -> None:

@@ -207,18 +207,24 @@ def _table(d: Detail, feet: list[tuple[float, float, float]]) -> list[Object]:
     top = Mesh(top.vertices, top.faces, top.normals, top.albedo * grain)
     wood, low = kitchen_room.DARK_OAK, HEIGHT - 0.035
     sides = box((x0, y0, low), (x1, y1, HEIGHT), kitchen_room.OAK, "+z -z", d.table)
-    legs = [bar((x - 0.035, y - 0.035, 0), (x + 0.035, y + 0.035, low), wood)
-            for x in (x0 + 0.08, x1 - 0.08) for y in (y0 + 0.08, y1 - 0.08)]  # fmt: skip
+    legs = [
+        bar((x - 0.035, y - 0.035, 0), (x + 0.035, y + 0.035, low), wood)
+        for x in (x0 + 0.08, x1 - 0.08)
+        for y in (y0 + 0.08, y1 - 0.08)
+    ]
     check = np.add.outer(np.arange(4), np.arange(6)) % 2
     cloth = np.where(check[..., None], (0.62, 0.10, 0.09), (0.80, 0.76, 0.68))
     seats = [placed(kitchen_room.chair(wood), at, turn) for at, turn in (((1.08, 0.15, 0), 90), ((-0.95, 0.95, 0), -150))]
     return [
         Object("table-top", top, "contact shadows around all that stands on it, the bowl's nearest surroundings"),
         Object("table-frame", merged(sides, *legs), "the table's edges and legs against the floor"),
-        Object("cloth", tiles((-0.80, -0.38, HEIGHT + 0.002), (0.42, 0, 0), (0, 0.28, 0), (6, 4), cloth),
-               "a fine chequered pattern close to the bowl, where reflections are distorted most"),
+        Object(
+            "cloth",
+            tiles((-0.80, -0.38, HEIGHT + 0.002), (0.42, 0, 0), (0, 0.28, 0), (6, 4), cloth),
+            "a fine chequered pattern close to the bowl, where reflections are distorted most",
+        ),
         Object("chairs", merged(*seats), "thin upright posts at middle distance"),
-    ]  # fmt: skip
+    ]
 
 
 def _on_the_table(d: Detail, moving: bool) -> tuple[list[Object], list[tuple[float, float, float]]]:
@@ -308,10 +314,20 @@ def _on_the_table(d: Detail, moving: bool) -> tuple[list[Object], list[tuple[flo
         0.012,
         "a second orange, farther from the bowl",
     )
-    move("orange", kitchenware.orange(n), Roll((-0.24, -0.26), (0.22, -0.30), 0.04), 0.012,
-         "a plain bright ball in front of the bowl; rolls to the right if things move")  # fmt: skip
-    move("mug-white", kitchenware.mug(n, (0.80, 0.74, 0.62)), Slide((0.40, -0.12), (0.72, -0.02), -40), 0.04,
-         "a pale mug right of the bowl; slides away if things move")  # fmt: skip
+    move(
+        "orange",
+        kitchenware.orange(n),
+        Roll((-0.24, -0.26), (0.22, -0.30), 0.04),
+        0.012,
+        "a plain bright ball in front of the bowl; rolls to the right if things move",
+    )
+    move(
+        "mug-white",
+        kitchenware.mug(n, (0.80, 0.74, 0.62)),
+        Slide((0.40, -0.12), (0.72, -0.02), -40),
+        0.04,
+        "a pale mug right of the bowl; slides away if things move",
+    )
     return objects, feet
 
 
@@ -333,12 +349,19 @@ def _along_the_walls(d: Detail) -> list[Object]:
         (-0.55, 1.90, counter),
         tilt_deg=-9,
     )
-    bread = placed(lathe([(0, -0.14), (0.05, -0.13), (0.065, -0.06), (0.065, 0.06), (0.05, 0.13), (0, 0.14)], n + 2,
-                         (0.58, 0.33, 0.14)), (-0.20, 1.68, counter + 0.062), 70, 90)  # fmt: skip
+    bread = placed(
+        lathe([(0, -0.14), (0.05, -0.13), (0.065, -0.06), (0.065, 0.06), (0.05, 0.13), (0, 0.14)], n + 2, (0.58, 0.33, 0.14)),
+        (-0.20, 1.68, counter + 0.062),
+        70,
+        90,
+    )
     return [
         Object("jars", merged(*jars), "a row of small coloured things on the shelf over the worktop"),
-        Object("pot", placed(kitchenware.pot(n + 2, (0.14, 0.30, 0.40)), (0.45, 1.84, counter + 0.012), 15),
-               "a large blue thing on the hob"),
+        Object(
+            "pot",
+            placed(kitchenware.pot(n + 2, (0.14, 0.30, 0.40)), (0.45, 1.84, counter + 0.012), 15),
+            "a large blue thing on the hob",
+        ),
         Object("board", merged(board, bread), "a chopping board and a loaf against the bright splashback"),
         Object("dresser-plates", merged(*row), "round things on straight shelves behind the camera"),
-    ]  # fmt: skip
+    ]

@@ -116,7 +116,7 @@ def _variant(name: str) -> Diagnosis:
     try:
         child = subprocess.run(
             command, capture_output=True, text=True, errors="replace", timeout=TIMEOUT_S, env=processes.surroundings()
-        )  # fmt: skip
+        )
     except subprocess.TimeoutExpired:
         return Diagnosis(name, False, f"no answer within {TIMEOUT_S:g} s", _mend(name, library))
     lines = [line.strip() for line in (child.stdout + child.stderr).splitlines() if line.strip()]

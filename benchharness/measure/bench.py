@@ -221,9 +221,20 @@ class Bench:
         )
         assert entry.error is not None
         return Seen(
-            image, truth_.image, mask, truth_.reflector, found, doubt, unit * distance, unit * truth_.distance, entry.error,
-            None if reflection.vertices is None else self._arrays(reflection.vertices), record, self.given, frame.time,
-        )  # fmt: skip
+            image,
+            truth_.image,
+            mask,
+            truth_.reflector,
+            found,
+            doubt,
+            unit * distance,
+            unit * truth_.distance,
+            entry.error,
+            None if reflection.vertices is None else self._arrays(reflection.vertices),
+            record,
+            self.given,
+            frame.time,
+        )
 
     def _arrays(self, vertices: Vertices) -> dict[str, Any]:
         """The fields as arrays [N] or [N, 3]; of `further`, a list of such."""

@@ -192,9 +192,15 @@ class Roots:
 
 
 def roots(
-    scene: Scene, time: float, size: tuple[int, int], number: int, vertices: np.ndarray,
-    R: np.ndarray, virtual: np.ndarray, usable: np.ndarray,
-) -> Roots:  # fmt: skip
+    scene: Scene,
+    time: float,
+    size: tuple[int, int],
+    number: int,
+    vertices: np.ndarray,
+    R: np.ndarray,
+    virtual: np.ndarray,
+    usable: np.ndarray,
+) -> Roots:
     """What `vertices`, numbers [N] in the order of `scene.parts`, have in reflector `number`; R, virtual [N, 3], usable [N]."""
     camera = scene.camera(time)
     eye, V = np.asarray(camera.eye), placed(scene, time, vertices)

@@ -102,9 +102,17 @@ def _depth_maps(stage: Stage, settings: Settings) -> list[Timed]:
     for m in settings.shade:
         work = _shade(stage, _kind(DEPTH_MAPS, resolution=settings.texels, rotations=n, points=m))
         paper = popescu.FPS_BY_POINTS.get(m)
-        timed.append(Timed(
-            POINTS, f"m = {m}", SHADE, work, "ms", None if paper is None else 1e3 / paper, f"{where}; paper: whole frames",
-        ))  # fmt: skip
+        timed.append(
+            Timed(
+                POINTS,
+                f"m = {m}",
+                SHADE,
+                work,
+                "ms",
+                None if paper is None else 1e3 / paper,
+                f"{where}; paper: whole frames",
+            )
+        )
     if count == 0:
         return timed
 

@@ -23,17 +23,23 @@ from benchharness.speed.stage import Stage
 from benchharness.study import plugins
 
 CASES: tuple[tuple[str, str, dict[str, Any]], ...] = (
-    ("Roger and Holzschuch, cold", "secant_triangle",
-     {"start": "paper", "stop": "area", "tau": 0.5, "newton": "off", "warm": False, "hidden": "drop"}),
-    ("the same until the longest edge is a pixel", "secant_triangle",
-     {"start": "paper", "newton": "off", "warm": False, "hidden": "drop"}),
+    (
+        "Roger and Holzschuch, cold",
+        "secant_triangle",
+        {"start": "paper", "stop": "area", "tau": 0.5, "newton": "off", "warm": False, "hidden": "drop"},
+    ),
+    (
+        "the same until the longest edge is a pixel",
+        "secant_triangle",
+        {"start": "paper", "newton": "off", "warm": False, "hidden": "drop"},
+    ),
     ("secant_triangle, cold", "secant_triangle", {"warm": False}),
     ("secant_triangle, warm", "secant_triangle", {}),
     ("newton, cold", "newton", {"warm": False}),
     ("newton, warm", "newton", {}),
     ("Estalella et al., cold", "image_space_search", {"start": "centre", "warm": "off"}),
     ("image_space_search, warm", "image_space_search", {}),
-)  # fmt: skip
+)
 """Name, method, its parameters."""
 
 COLUMNS = "case method vertices mean median p95 max at_most_5 at_most_10 at_most_20".split()
@@ -88,9 +94,15 @@ def _picture(stage: Stage, reflection: Reflection) -> np.ndarray:
         light = vertexwise.packets(mi.Point3f(steps), mi.Float(0), lane, count)
         part = dr.opaque(mi.UInt32, seen.objects + i)
         shown, _, hit, _ = virtual.draw(
-            images, replace(seen.world, attributes=light, shine=None), part, frame.view, frame.p, frame.reflector,
-            dr.opaque(mi.Int32, i), virtual.Drawing("drop"),
-        )  # fmt: skip
+            images,
+            replace(seen.world, attributes=light, shine=None),
+            part,
+            frame.view,
+            frame.p,
+            frame.reflector,
+            dr.opaque(mi.Int32, i),
+            virtual.Drawing("drop"),
+        )
         total, covered = total + shown.x, covered | hit
     return np.where(np.array(covered), np.array(total), np.nan).reshape(stage.size[1], stage.size[0])
 

@@ -77,13 +77,25 @@ def comparisons(
 def _gbuffer(stage: Stage, world: embree.World) -> Comparison:
     renderer, frame, view = stage.renderer, stage.frame, stage.frame.view
     rivals = [
-        ("Embree, default call", lambda: embree.interactions(world, view), lambda si: si.p,
-         "the whole surface interaction evaluated"),
-        ("Embree, coherent", lambda: embree.essentials(world, view), lambda found: found[1],
-         "point, normals, triangle and uv evaluated"),
-        ("Embree, coherent, our G-buffer", lambda: embree.gbuffer(world, view, frame), lambda found: found.p,
-         "preliminary hits; what our G-buffer holds and nothing else"),
-    ]  # fmt: skip
+        (
+            "Embree, default call",
+            lambda: embree.interactions(world, view),
+            lambda si: si.p,
+            "the whole surface interaction evaluated",
+        ),
+        (
+            "Embree, coherent",
+            lambda: embree.essentials(world, view),
+            lambda found: found[1],
+            "point, normals, triangle and uv evaluated",
+        ),
+        (
+            "Embree, coherent, our G-buffer",
+            lambda: embree.gbuffer(world, view, frame),
+            lambda found: found.p,
+            "preliminary hits; what our G-buffer holds and nothing else",
+        ),
+    ]
     return Comparison(
         "gbuffer",
         lambda: renderer.draw(frame.index, view),

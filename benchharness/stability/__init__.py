@@ -205,9 +205,16 @@ def _units(study: str, planned: Plan, wanted: Wanted) -> dict[str, list[dict[str
         asked = planned.motion
         scenes = wanted.scenes or asked.scenes
         return motion.units(
-            planned.entries, scenes, asked.kinds, asked.frames, asked.substeps, asked.start, asked.size, asked.followed,
+            planned.entries,
+            scenes,
+            asked.kinds,
+            asked.frames,
+            asked.substeps,
+            asked.start,
+            asked.size,
+            asked.followed,
             asked.places,
-        )  # fmt: skip
+        )
     return perturbation.units(planned.entries, wanted.scenes or planned.perturbation.scenes)
 
 

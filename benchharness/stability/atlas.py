@@ -142,12 +142,21 @@ def row(unit: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:
     )
     return {
         **{column: record.get(column) for column in COLUMNS},
-        "regime": regime.name, "title": regime.title, "entry": regime.entry,
-        "severity": unit["severity"], "severity_name": regime.severity,
-        "method": entry.method, "setting": plan.setting(entry), "params": entry.params_text,
-        "verdict": judged, "why": why, "limit": record.get("limit") if judged == "fails" else None,
-        "symptom_name": regime.symptom, "bound": regime.bound, "command": command,
-    }  # fmt: skip
+        "regime": regime.name,
+        "title": regime.title,
+        "entry": regime.entry,
+        "severity": unit["severity"],
+        "severity_name": regime.severity,
+        "method": entry.method,
+        "setting": plan.setting(entry),
+        "params": entry.params_text,
+        "verdict": judged,
+        "why": why,
+        "limit": record.get("limit") if judged == "fails" else None,
+        "symptom_name": regime.symptom,
+        "bound": regime.bound,
+        "command": command,
+    }
 
 
 def _keep_picture(folder: Path, regime: Regime, severity: float, label: str, seen: Any, exposure: float) -> None:

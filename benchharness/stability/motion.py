@@ -63,10 +63,16 @@ FOLLOWED, PLACES = plan.Motion.followed, plan.Motion.places
 
 
 def units(
-    entries: Sequence[Entry], scenes: Sequence[str] = (), kinds: Sequence[str] = KINDS, count: int = COUNT,
-    substeps: int = SUBSTEPS, start: int | None = None, size: tuple[int, int] = SIZE, followed: int = FOLLOWED,
+    entries: Sequence[Entry],
+    scenes: Sequence[str] = (),
+    kinds: Sequence[str] = KINDS,
+    count: int = COUNT,
+    substeps: int = SUBSTEPS,
+    start: int | None = None,
+    size: tuple[int, int] = SIZE,
+    followed: int = FOLLOWED,
     places: int = PLACES,
-) -> dict[str, list[dict[str, Any]]]:  # fmt: skip
+) -> dict[str, list[dict[str, Any]]]:
     """What is to be measured, by scene.
 
     scenes    names, or paths `file.py:Name`; all that there are if empty

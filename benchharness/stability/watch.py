@@ -114,9 +114,15 @@ def followed(marked: Markers, method: Method) -> dict[str, Any]:
 def _frame(film: Film, shown: Shown, k: int) -> dict[str, Any]:
     number, mask = film.first + k, shown.masks[k]
     out: dict[str, Any] = {
-        "frame": number, "time": film.scene.time(number), "reflector_px": int(mask.sum()), "coverage": shown.found[k],
-        "flip": _mean(shown.errors[k], mask), "iterations_mean": None, "iterations_max": None, "cold_flip": None,
-    }  # fmt: skip
+        "frame": number,
+        "time": film.scene.time(number),
+        "reflector_px": int(mask.sum()),
+        "coverage": shown.found[k],
+        "flip": _mean(shown.errors[k], mask),
+        "iterations_mean": None,
+        "iterations_max": None,
+        "cold_flip": None,
+    }
     if k > 0 and number != film.jump:
         four = (shown.images[k - 1], shown.images[k], film.references[k - 1].image, film.references[k].image)
         both = mask & shown.masks[k - 1]

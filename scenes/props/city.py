@@ -44,22 +44,33 @@ def ground(tile_m: float, road_m: float) -> list[Object]:
         sheet(up, x, y, cut(*ROAD[:2], x0, x1), cut(*ROAD[2:], y0, y1), ASPHALT, hole=ISLAND),
         *(sheet(up, x, y, cut(*span[:2]), cut(*span[2:]), ASPHALT) for span in STREETS),
     )
-    lines = [(x0 - 3.0, y0 - 3.0, y1 + 3.0, 1), (x1 + 3.0, y0 - 3.0, y1 + 3.0, 1),
-             (y0 - 3.0, x0 - 2.0, x1 + 2.0, 0), (y1 + 3.0, x0 - 2.0, x1 + 2.0, 0)]  # fmt: skip
+    lines = [
+        (x0 - 3.0, y0 - 3.0, y1 + 3.0, 1),
+        (x1 + 3.0, y0 - 3.0, y1 + 3.0, 1),
+        (y0 - 3.0, x0 - 2.0, x1 + 2.0, 0),
+        (y1 + 3.0, x0 - 2.0, x1 + 2.0, 0),
+    ]
     dashes = [_dash(across, s, along) for across, lo, hi, along in lines for s in np.arange(lo + 0.6, hi - 1.8, 2.9)]
     dashes += [_dash(y1 + 3.0, s, 0) for side in (-1, 1) for s in side * np.arange(16.0, 25.0, 2.9)]
-    stripes = [sheet((0, 0, 0.008 - KERB), x, y, [x0 - 5.7, x0 - 0.3], [s, s + 0.5], PAINT)
-               for s in np.arange(-12.0, -8.0, 1.0)]  # fmt: skip
+    stripes = [
+        sheet((0, 0, 0.008 - KERB), x, y, [x0 - 5.7, x0 - 0.3], [s, s + 0.5], PAINT) for s in np.arange(-12.0, -8.0, 1.0)
+    ]
     kerb = [_edge((x0, y0), (x1, y0)), _edge((x1, y0), (x1, y1)), _edge((x1, y1), (x0, y1)), _edge((x0, y1), (x0, y0))]
     return [
-        Object("paving", _mosaic(tile_m),
-               "rings and rays of coloured stone right under the saucer, where the mirror bends them most"),
+        Object(
+            "paving",
+            _mosaic(tile_m),
+            "rings and rays of coloured stone right under the saucer, where the mirror bends them most",
+        ),
         Object("kerb", merged(*kerb), "the island's edge, a step down to the road"),
         Object("road", road, "the dark ground on which the trucks stand out"),
         Object("road-lines", merged(*dashes, *stripes), "dashes in straight rows and a crossing, bent by the mirror"),
-        Object("pavements", merged(*(_pavement(*p, road_m) for p in PAVEMENTS)),
-               "a pale band with a kerb along the houses, broken by the streets"),
-    ]  # fmt: skip
+        Object(
+            "pavements",
+            merged(*(_pavement(*p, road_m) for p in PAVEMENTS)),
+            "a pale band with a kerb along the houses, broken by the streets",
+        ),
+    ]
 
 
 STREETS = (
@@ -97,8 +108,14 @@ def _dash(across: float, start: float, along: int) -> Mesh:
 def _edge(start: tuple[float, float], end: tuple[float, float]) -> Mesh:
     """A kerb along `start` to `end`, whose face looks to the right of the way."""
     way = np.subtract(end, start)
-    return sheet((*start, -KERB), (*(way / np.linalg.norm(way)), 0), (0, 0, 1), steps(0, float(np.linalg.norm(way)), 2.5),
-                 [0, KERB], STONE)  # fmt: skip
+    return sheet(
+        (*start, -KERB),
+        (*(way / np.linalg.norm(way)), 0),
+        (0, 0, 1),
+        steps(0, float(np.linalg.norm(way)), 2.5),
+        [0, KERB],
+        STONE,
+    )
 
 
 def _mosaic(tile_m: float) -> Mesh:

@@ -110,8 +110,10 @@ def box(lo, hi, albedo: Colour, omit: str = "", spacing: float = np.inf, bevel: 
     if unknown := set(omit.split()) - set(FACES):
         raise ValueError(f"box: omits {sorted(unknown)}; accepted: {', '.join(FACES)}")
     present = {(axis, side) for axis in range(3) for side in range(2) if FACES[2 * axis + side] not in omit.split()}
-    inner = [[value[k] + (bevel if side == 0 else -bevel) * ((k, side) in present) for k in range(3)]
-             for side, value in enumerate((lo, hi))]  # fmt: skip
+    inner = [
+        [value[k] + (bevel if side == 0 else -bevel) * ((k, side) in present) for k in range(3)]
+        for side, value in enumerate((lo, hi))
+    ]
     if not np.less(inner[0], inner[1]).all():
         raise ValueError(f"box: from {lo} to {hi} with a bevel of {bevel}; accepted: sides longer than their bevels")
     # Where lattice lines run on each axis, the same on all faces.
@@ -181,21 +183,20 @@ def lathe(profile, segments: int, albedo: Colour | Sequence[Colour], sharp_deg: 
         raise ValueError(f"lathe: {len(colours)} colours; accepted: 1, or {count} for a profile of {count + 1} points")
     way = np.diff(profile, axis=0)
     way /= np.linalg.norm(way, axis=1, keepdims=True)
-    edge = [(way[k - 1] * way[k]).sum() < np.cos(np.radians(sharp_deg)) or colours[k - 1] != colours[k]
-            for k in range(1, count)]  # fmt: skip
+    edge = [
+        (way[k - 1] * way[k]).sum() < np.cos(np.radians(sharp_deg)) or colours[k - 1] != colours[k] for k in range(1, count)
+    ]
     cuts = [0, *(np.flatnonzero(edge) + 1), count]
-    return merged(*(
-        from_trimesh(trimesh.creation.revolve(profile[a : b + 1], sections=segments), colours[a])
-        for a, b in pairwise(cuts)
-    ))  # fmt: skip
+    return merged(
+        *(from_trimesh(trimesh.creation.revolve(profile[a : b + 1], sections=segments), colours[a]) for a, b in pairwise(cuts))
+    )
 
 
 def ball(radius: float, segments: int, rings: int, albedo: Colour, emission: Colour = (0.0, 0.0, 0.0)) -> Mesh:
     """A sphere about the origin with exact normals; `rings` vertices from pole to pole."""
     angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, rings)
     profile = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    mesh = from_trimesh(trimesh.creation.revolve(profile, sections=segments),
-                        albedo, emission)  # fmt: skip
+    mesh = from_trimesh(trimesh.creation.revolve(profile, sections=segments), albedo, emission)
     return replace(mesh, normals=mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True))
 
 
@@ -230,12 +231,14 @@ def tube(path, radius: float | Sequence[float] | np.ndarray, segments: int, albe
     low_next = (np.arange(len(path) - 1)[:, None] * segments + (k + 1) % segments).reshape(-1)
     high, high_next = low + segments, low_next + segments
     last = (len(path) - 1) * segments
-    faces = np.concatenate([
-        np.stack([low, low_next, high_next], axis=1),
-        np.stack([low, high_next, high], axis=1),
-        np.stack([(k + 1) % segments, k, np.full(segments, len(vertices) - 2)], axis=1),
-        np.stack([last + k, last + (k + 1) % segments, np.full(segments, len(vertices) - 1)], axis=1),
-    ])  # fmt: skip
+    faces = np.concatenate(
+        [
+            np.stack([low, low_next, high_next], axis=1),
+            np.stack([low, high_next, high], axis=1),
+            np.stack([(k + 1) % segments, k, np.full(segments, len(vertices) - 2)], axis=1),
+            np.stack([last + k, last + (k + 1) % segments, np.full(segments, len(vertices) - 1)], axis=1),
+        ]
+    )
     return Mesh(vertices, faces, albedo=albedo)
 
 

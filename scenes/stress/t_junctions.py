@@ -40,7 +40,10 @@ def t_junctions(severity: float) -> Scene:
         corner = (-2.0, -1.2, z), (0.0, 0.0, 0.5), (4.0, 0.0, 0.0)
         return shapes.sheet(*corner, np.linspace(0, 1, 9), np.linspace(0, 1, pieces + 1), RED)
 
-    return stage([
-        thing("far", strip(0.3, 64), RED), thing("middle", strip(0.8, int(severity)), GREEN),
-        thing("near", strip(1.3, 64), RED),
-    ])  # fmt: skip
+    return stage(
+        [
+            thing("far", strip(0.3, 64), RED),
+            thing("middle", strip(0.8, int(severity)), GREEN),
+            thing("near", strip(1.3, 64), RED),
+        ]
+    )
