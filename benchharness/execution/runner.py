@@ -19,7 +19,7 @@ from typing import Annotated, Any, Literal, Protocol
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from benchharness import platform
-from benchharness.execution import estimate, folder, supervisor
+from benchharness.execution import attempt, estimate, folder, supervisor
 from benchharness.execution.folder import Journal
 from benchharness.study.config import Config, Job
 from benchharness.tables import results
@@ -201,7 +201,7 @@ def _last(lines: Iterable[dict]) -> dict[tuple[int, int], dict]:
     return {place: found[place] for place in sorted(found)}
 
 
-def _lines(tasks: Sequence[Task], setting: supervisor.Setting, listener: Listener, client: Any) -> Iterator[dict]:
+def _lines(tasks: Sequence[Task], setting: attempt.Setting, listener: Listener, client: Any) -> Iterator[dict]:
     """New lines of the journal: task after task on this machine, or as they come from a cluster."""
     if client is not None:
         from benchharness.execution.cluster import execute_on
@@ -227,7 +227,7 @@ def _plan(config: Config, environment: str) -> dict[str, Any]:
     }
 
 
-def _setting(config: Config, place: Path, environment: str, bench: str) -> supervisor.Setting:
+def _setting(config: Config, place: Path, environment: str, bench: str) -> attempt.Setting:
     run, reference = config.run, config.reference
     document = {
         "variant": run.variant,
@@ -245,7 +245,7 @@ def _setting(config: Config, place: Path, environment: str, bench: str) -> super
         "config_hash": config.config_hash,
         "environment": environment,
     }
-    return supervisor.Setting(document, columns, config.method_hashes, str(place.resolve()), run.timeout_s)
+    return attempt.Setting(document, columns, config.method_hashes, str(place.resolve()), run.timeout_s)
 
 
 def _pasts(config: Config, lines: Iterable[dict]) -> list[supervisor.Past]:

@@ -67,7 +67,7 @@ def bake(scene: Scene, spp: int = 512, max_depth: int = 6, seed: int = 0) -> Sce
             raise ValueError(f"bake: {name} is {value!r}; accepted: whole numbers from {least}")
     local = normalised(scene)
     key = cache.content_hash(
-        cache.source_hash(__file__, mitsuba_scene.__file__),
+        cache.source_hash(__file__, *mitsuba_scene.SOURCES),
         (mi.__version__, mi.variant()),
         mitsuba_scene.fingerprint(local, 0.0, "transport"),
         (int(spp), int(max_depth), int(seed)),

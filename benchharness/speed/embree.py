@@ -20,7 +20,7 @@ import mitsuba as mi
 import numpy as np
 
 from benchharness.api import Frame, View
-from benchharness.kernels import geometry, hierarchy, optics, raster, surroundings
+from benchharness.kernels import geometry, hierarchy, mitsuba_mesh, optics, raster, surroundings
 from benchharness.kernels.frozen import frozen
 from benchharness.render.frame import opaque
 from benchharness.scene import Scene
@@ -68,15 +68,9 @@ def build(scene: Scene, time: float, way: hierarchy.Way = hierarchy.BODIES, robu
 def _smooth(scene: Scene, time: float, robust: bool) -> Any:
     meshes = [part.mesh.transformed(part.pose(time)) for part in scene.parts]
     starts = np.cumsum([0, *(len(m.vertices) for m in meshes)])
-    mesh = mi.Mesh("smooth", int(starts[-1]), scene.triangles, has_vertex_normals=True)
-    params = mi.traverse(mesh)
-    for name in ("vertices", "normals"):
-        values = np.concatenate([getattr(m, name) for m in meshes])
-        params[{"vertices": "vertex_positions", "normals": "vertex_normals"}[name]] = mi.Float(np.float32(values).ravel())
+    vertices, normals = (np.concatenate([getattr(m, name) for m in meshes]) for name in ("vertices", "normals"))
     faces = np.concatenate([m.faces + start for m, start in zip(meshes, starts, strict=False)])
-    params["faces"] = mi.UInt32(np.uint32(faces).ravel())
-    params.update()
-    return mi.load_dict({"type": "scene", "embree_use_robust_intersections": robust, "smooth": mesh})
+    return mitsuba_mesh.scene(vertices, faces, normals, robust=robust)
 
 
 def move(world: World, poses: mi.Float) -> World:

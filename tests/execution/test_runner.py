@@ -17,7 +17,8 @@ import pytest
 from support import study
 from test_folder import damaged
 
-from benchharness.execution import runner, supervisor
+from benchharness import processes
+from benchharness.execution import attempt, runner
 from benchharness.study import config
 from benchharness.tables import results
 
@@ -389,9 +390,12 @@ say(event="done")
 @pytest.mark.parametrize(
     ("word", "failed", "events"), [("goes on", None, ["waits", "frame"]), ("hangs", "frame 0 took more than 2 s", ["waits"])]
 )
-def test_waiting_for_the_machine_is_not_a_frames_time(word, failed, events):
-    with subprocess.Popen([sys.executable, "-c", SAYS, word], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
-        said = supervisor._events(process, 2.0, {"a"}, {0}, supervisor._Ending())
+def test_waiting_for_the_machine_is_not_a_frames_time(word, failed, events, tmp_path, monkeypatch):
+    (tmp_path / "says.py").write_text(SAYS)
+    monkeypatch.syspath_prepend(tmp_path)
+    child = processes.Child("says", word, log=tmp_path / "log")
+    try:
+        said = attempt.heard(child, 2.0, {"a"}, {0}, attempt.Ending())
         heard = []
         while True:
             try:
@@ -399,7 +403,8 @@ def test_waiting_for_the_machine_is_not_a_frames_time(word, failed, events):
             except StopIteration as end:
                 assert (heard, end.value) == (events, failed)
                 break
-        process.kill()
+    finally:
+        child.end()
 
 
 def test_the_machine_is_held_while_a_frame_is_timed_and_not_while_its_reference_is_made(tmp_path, monkeypatch):
