@@ -74,14 +74,14 @@ def run(
         else:
             platform.see_machine_lock()
         if not resume:
-            estimate.agreed(*estimate.of_run(config, [len(job.frames) for job in config.jobs]), yes, listener.note)
-        place = held.enter_context(folder.opened(config.name, out, plan, resume))
+            estimate.agreed(*estimate.of_run(config, [len(job.frames) for job in config.jobs]), listener.note, yes=yes)
+        place = held.enter_context(folder.opened(config.name, out, plan, resume=resume))
         journal = Journal(place / folder.JOURNAL)
         lines = _checked(config, journal)
         tasks = [*_again(config, lines, place / folder.IMAGES, listener), *_tasks(config, _pasts(config, lines))]
         if resume:
             left = [sum(task.left for task in tasks if task.number == n) for n in range(len(config.jobs))]
-            estimate.agreed(*estimate.of_run(config, left), yes, listener.note)
+            estimate.agreed(*estimate.of_run(config, left), listener.note, yes=yes)
         setting = _setting(config, place, plan["environment"], bench or BENCH)
         for line in _lines(tasks, setting, listener, client):
             if "note" in line:

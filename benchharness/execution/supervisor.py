@@ -148,7 +148,7 @@ class _Execution:
             for key, columns in dead.items():
                 yield self._leaves(key, columns, again=True)
 
-    def _leaves(self, key: str, columns: dict, again: bool = False) -> dict:
+    def _leaves(self, key: str, columns: dict, *, again: bool = False) -> dict:
         """The line that says that an entry gets no more frames."""
         self.out[key] = columns
         if again:

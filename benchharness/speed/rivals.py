@@ -24,7 +24,7 @@ import numpy as np
 
 from benchharness.api import Method
 from benchharness.kernels import hierarchy
-from benchharness.measure import metrics
+from benchharness.measure import host, metrics
 from benchharness.scene import Scene
 from benchharness.speed import embree, llvmpipe
 from benchharness.speed.stage import Stage, Work, answer, interleaved, method, ratio_interval
@@ -203,8 +203,8 @@ def _same_points(stage: Stage, p: Any) -> str:
 
 def _difference(stage: Stage, ours: Any, other: Any) -> str:
     """How far two pictures are apart inside the mirror."""
-    mask = np.array(stage.frame.active).reshape(stage.size[1], stage.size[0])
-    pictures = stage.pixels(ours), stage.pixels(other)
+    mask = host.plane(stage.frame.active, stage.frame)
+    pictures = host.image(ours, stage.frame), host.image(other, stage.frame)
     flip = metrics.flip_map(*pictures, mask, ppd=stage.scene.ppd, exposure=stage.scene.exposure)[mask]
     return f"FLIP to ours {flip.mean():.4f}" if mask.any() else "no mirror in view"
 

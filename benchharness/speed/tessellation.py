@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from benchharness.measure import metrics, timing
+from benchharness.measure import contract, host, metrics, timing
 from benchharness.render import reference
 from benchharness.report.points import looks
 from benchharness.scene import Scene, refined
@@ -65,7 +65,7 @@ def study(
             works[detail, NONE, scene.vertices] = _unreflected(stage)
             for name in methods:
                 say(f"{detail}: {name} at {scene.vertices} vertices")
-                if method(name).refuses(stage.scene) is None:
+                if contract.refusal(method(name), stage.scene) is None:
                     errors, works[detail, name, scene.vertices] = case(name, stage, truth)
                     rows.append({**seen, "method": name, **errors})
     times, _ = interleaved(works, rounds, lambda done: say(f"round {done} of {rounds}"))
@@ -103,10 +103,9 @@ def case(name: str, stage: Stage, truth: reference.Reference):
     kind, scene = method(name), stage.scene
     state = stage.warmed(kind)
     answered = kind.shade(state, stage.frame)[0]
-    mask = truth.mask & np.array(stage.frame.active).reshape(truth.mask.shape)
-    found = np.broadcast_to(np.array(answered.found), mask.size).reshape(mask.shape)
-    image = stage.pixels(stage.renderer.compose(stage.frame, answered.L))
-    errors = metrics.evaluate(image, truth.image, mask, ppd=scene.ppd, exposure=scene.exposure, found=found)
+    said = host.answer(stage.frame, answered)
+    image, mask = host.image(stage.renderer.compose(stage.frame, answered.L), stage.frame), truth.mask & said.mirror
+    errors = metrics.evaluate(image, truth.image, mask, ppd=scene.ppd, exposure=scene.exposure, found=said.found)
     return {k: errors[k] for k in ("flip", "coverage")}, lambda: answer(kind.shade(state, stage.frame))
 
 

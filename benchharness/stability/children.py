@@ -36,7 +36,7 @@ Place = tuple[str, str, int]
 
 @dataclass(frozen=True)
 class Work:
-    """Of one study: its name, its units by group, and how many groups share a process."""
+    """What a study has to do: its name, its units by group, and how many groups share a process."""
 
     study: str
     groups: Mapping[str, Sequence[dict[str, Any]]]

@@ -196,9 +196,10 @@ def _bench(seen: Subject, scene: Scene, size: tuple[int, int]) -> Any:
 
 def _shown(bench: Any, frame: int, entry: Entry) -> tuple[dict[str, Any], Any]:
     """What a method shows, as `benchharness.measure.bench.Bench.show` has it; a refusal as a record."""
-    method = entry.build()
-    refusal = method.refuses(bench.scene)
-    return ({"status": "refused", "reason": refusal}, None) if refusal is not None else bench.show(frame, entry.key, method)
+    from benchharness.measure import contract
+
+    method = contract.made(entry.build, bench.scene)
+    return (asdict(method), None) if isinstance(method, contract.Out) else bench.show(frame, entry.key, method)
 
 
 def _record(one: tuple[dict, Any], other: tuple[dict, Any], columns: int, exposure: float) -> dict[str, Any]:

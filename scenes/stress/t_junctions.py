@@ -15,7 +15,7 @@ BAND = 3  # pixels to either side of a shared edge
 
 
 def cracks(seen: Seen) -> float | None:
-    """Of the pixels near the shared edges' true images, the share that shows what is behind the strips."""
+    """Among the pixels near the shared edges' true images, the share that shows what is behind the strips."""
     true = [seen.mask & (np.abs(seen.truth - colour).max(axis=2) < 0.02) for colour in (RED, GREEN)]
     near = [np.asarray(ndimage.binary_dilation(mask, iterations=BAND), bool) for mask in true]
     edge = near[0] & near[1] & (true[0] | true[1])

@@ -349,7 +349,7 @@ def test_a_line_that_no_run_of_this_config_writes_is_damage(tmp_path, line):
     path, out = study.write(tmp_path, '["a"]'), tmp_path / "out"
     loaded = config.load(path)
     environment = results.environment_hash(results.environment(loaded.run.variant))
-    with runner.folder.opened("study", out, runner._plan(loaded, environment), False):
+    with runner.folder.opened("study", out, runner._plan(loaded, environment), resume=False):
         pass
     (out / "journal.jsonl").write_text(json.dumps(line) + "\n")
     with pytest.raises(ValueError, match=r"journal.jsonl: line 1 is damaged \(.*\); accepted: a new run"):
