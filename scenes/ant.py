@@ -81,7 +81,7 @@ NODS, WAVES = ("rust", "black"), "amber"
 """Whose heads nod, and whose antennae wave, if things move."""
 
 
-def ant(detail: DetailName = "lean", eyes: int = EYES, moving: bool = True) -> Scene:
+def ant(detail: DetailName = "lean", eyes: int = EYES, *, moving: bool = True) -> Scene:
     """The ants.
 
     detail   how finely the scene is modelled; the same things either way
@@ -108,11 +108,11 @@ def ant(detail: DetailName = "lean", eyes: int = EYES, moving: bool = True) -> S
             placed(picnic.sugar(), (COUNCIL[0] + 0.02, COUNCIL[1] + 0.09, 0)),
             "white lumps in front of all ants: straight edges that each eye bends in its own way",
         ),
-        *_cans(d.can, moving),
+        *_cans(d.can, moving=moving),
     ]
     mirrors: list[Reflector] = []
     for place in PLACES:
-        parts, pair = _ant(place, d.ants, moving)
+        parts, pair = _ant(place, d.ants, moving=moving)
         objects += parts
         for side, (mesh, motion) in zip(("left", "right"), pair, strict=True):
             name = f"{place.name}-eye-{side}"
@@ -184,7 +184,7 @@ class Roll:
         return matrix
 
 
-def _ant(place: Place, d: Fineness, moving: bool) -> tuple[list[Object], list[tuple[Mesh, Motion | None]]]:
+def _ant(place: Place, d: Fineness, *, moving: bool) -> tuple[list[Object], list[tuple[Mesh, Motion | None]]]:
     """The objects of an ant, and its eyes, left and right, each with its motion."""
     bearing = np.radians(place.bearing_deg)
     turn = place.bearing_deg + 90
@@ -208,7 +208,7 @@ def _triple(v: np.ndarray) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _cans(n: int, moving: bool) -> list[Object]:
+def _cans(n: int, *, moving: bool) -> list[Object]:
     """Cans around the ants and behind the camera; one rolls."""
     red, white, blue, gold = (0.66, 0.05, 0.04), (0.84, 0.82, 0.78), (0.05, 0.16, 0.46), (0.80, 0.52, 0.08)
     green, orange, teal, cream = (0.08, 0.34, 0.12), (0.84, 0.34, 0.05), (0.05, 0.38, 0.40), (0.80, 0.72, 0.55)

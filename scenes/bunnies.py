@@ -47,7 +47,7 @@ HALF = 50 / FPS
 CAMERA = Orbit((0.005, 0.0, 0.152), (-128.0, -84.0), (5.5, 8.5), (1.00, 0.90), fov_deg=29.0, duration=HALF)
 
 
-def bunnies(detail: DetailName = "lean", moving: bool = True) -> Scene:
+def bunnies(detail: DetailName = "lean", *, moving: bool = True) -> Scene:
     """The two bunnies.
 
     detail   how finely they are modelled; the same things either way

@@ -74,7 +74,7 @@ FIGURE, FIGURE_DEG = (-0.66, 0.27, 0.0), -24.0
 """Where the figure sits, and where it looks: azimuth, degrees."""
 
 
-def kettle(detail: DetailName = "lean", moving: bool = True) -> Scene:
+def kettle(detail: DetailName = "lean", *, moving: bool = True) -> Scene:
     """The kettle.
 
     detail   how finely it is modelled; the same things either way
@@ -99,7 +99,7 @@ def kettle(detail: DetailName = "lean", moving: bool = True) -> Scene:
             *kettle_room.chair(),
             *things,
             *kettle_figure.sitter(d.near, FIGURE, FIGURE_DEG),
-            *_arm(d.hand, moving),
+            *_arm(d.hand, moving=moving),
             *kettle_body.attached(CENTRE, d.near),
         ),
         reflectors=(kettle_body.body(CENTRE),),
@@ -161,7 +161,7 @@ def reach(hand: Mesh) -> kettle_figure.Reach:
     return kettle_figure.Reach(tuple(wrist.tolist()), rows, away, start=4 / FPS, arrival=TOUCH_FRAME / FPS)
 
 
-def _arm(n: int, moving: bool) -> list[Object]:
+def _arm(n: int, *, moving: bool) -> list[Object]:
     hand = kettle_figure.hand(n)
     path, joint = reach(hand), kettle_figure.shoulder(FIGURE, FIGURE_DEG)
     out = (-0.1, -0.8, -0.45)

@@ -68,7 +68,7 @@ HALF = 50 / FPS
 CAMERA = Orbit((0.0, 0.0, 0.105), (-63.0, -97.0), (11.0, 15.5), (1.16, 1.06), fov_deg=28.0, duration=HALF)
 
 
-def statue(detail: DetailName = "lean", moving: bool = True) -> Scene:
+def statue(detail: DetailName = "lean", *, moving: bool = True) -> Scene:
     """The statue and the two teapots.
 
     detail   how finely they are modelled; the same things either way

@@ -68,7 +68,7 @@ SUN_RADIANCE = (69.0, 59.0, 44.0)
 About 2 W/m² of irradiance on a surface that faces it, beside the sky's 1.1 to 2.5 on the ground."""
 
 
-def ufo(detail: DetailName = "lean", moving: bool = True) -> Scene:
+def ufo(detail: DetailName = "lean", *, moving: bool = True) -> Scene:
     """The square.
 
     detail   how finely it is modelled; the same things either way
@@ -87,11 +87,11 @@ def ufo(detail: DetailName = "lean", moving: bool = True) -> Scene:
         name="ufo",
         objects=(
             *city.ground(d.tile, d.road),
-            *city.houses(d.wall, d.sills),
+            *city.houses(d.wall, sills=d.sills),
             *_greenery(d),
             *_furniture(d),
             *_people(d),
-            *_trucks(d, moving),
+            *_trucks(d, moving=moving),
             *_on_the_saucer(d, flight),
             _sun(),
         ),
@@ -222,7 +222,7 @@ def _people(d: Detail) -> list[Object]:
     return [Object("people", merged(*people), "onlookers around the landing place: small upright figures close to the hull")]
 
 
-def _trucks(d: Detail, moving: bool) -> list[Object]:
+def _trucks(d: Detail, *, moving: bool) -> list[Object]:
     n, low = d.near, -city.KERB
     trucks = [
         (

@@ -70,7 +70,7 @@ def mitsuba_scene(scene: Scene, time: float, lighting: str, marks: Sequence[np.n
                 matt.append((mesh, mark))
         else:
             for chosen, emission, closed in _by_emission(mesh):
-                shapes.append(_lit(part, mesh, chosen, mark, emission, closed))
+                shapes.append(_lit(part, mesh, chosen, mark, emission, closed=closed))
                 sampled |= emission is not None and bool(emission.any())
     if matt:
         meshes, of_faces = zip(*matt, strict=True)
@@ -189,7 +189,9 @@ def _shining(part: Object, gloss: Gloss, mesh: Mesh, mark: np.ndarray, lights: S
     return shape
 
 
-def _lit(part: Object, mesh: Mesh, chosen: np.ndarray, mark: np.ndarray, emission: np.ndarray | None, closed: bool) -> mi.Mesh:
+def _lit(
+    part: Object, mesh: Mesh, chosen: np.ndarray, mark: np.ndarray, emission: np.ndarray | None, *, closed: bool
+) -> mi.Mesh:
     """Faces `chosen` as a surface with one emission [3], or with what varies over its faces for None; of `closed` pieces."""
     albedo = {"type": "mesh_attribute", "name": "vertex_albedo"}
     front = {"type": "diffuse", "reflectance": albedo}

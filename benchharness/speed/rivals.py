@@ -141,8 +141,8 @@ def _frame(name: str, stage: Stage, world: embree.World) -> Comparison:
 
     drawn = ours()[0]
     rivals = [
-        ("one bounce, default calls", lambda: embree.picture(world, view, False), "Embree; all in one kernel"),
-        ("one bounce, coherent", lambda: embree.picture(world, view, True), f"Embree; all in one kernel; {_LOSES}"),
+        ("one bounce, default calls", lambda: embree.picture(world, view, coherent=False), "Embree; all in one kernel"),
+        ("one bounce, coherent", lambda: embree.picture(world, view, coherent=True), f"Embree; all in one kernel; {_LOSES}"),
         ("one bounce, in stages", staged, "Embree; coherent first hits, ray_traced, composite"),
     ]
     return Comparison(
@@ -157,9 +157,9 @@ def _shade(name: str, ours: str, stage: Stage, world: embree.World, fast: embree
     frame, state, traced_state = stage.frame, stage.warmed(mine), stage.warmed(traced)
     shown = mine.shade(state, frame)[0].L
     rivals = {
-        _DEFAULT: lambda: embree.reflection(world, frame, False),
-        _FAST: lambda: embree.reflection(fast, frame, False),
-        _COHERENT: lambda: embree.reflection(world, frame, True),
+        _DEFAULT: lambda: embree.reflection(world, frame, coherent=False),
+        _FAST: lambda: embree.reflection(fast, frame, coherent=False),
+        _COHERENT: lambda: embree.reflection(world, frame, coherent=True),
         "ray_traced": lambda: answer(traced.shade(traced_state, frame)),
     }
     return Comparison(name, lambda: answer(mine.shade(state, frame)), _differences(stage, shown, rivals))
@@ -173,7 +173,7 @@ def _moving(name: str, stage: Stage, bodies: embree.World, anew: embree.World) -
         return answer(mine.shade(mine.update(before, frame), frame))
 
     def recorded(world: embree.World) -> tuple:
-        return embree.reflection(embree.move(world, frame.poses), frame, False)
+        return embree.reflection(embree.move(world, frame.poses), frame, coherent=False)
 
     shown = renewed(own, state)[0]
     rivals = {

@@ -198,7 +198,7 @@ GROUND_M, FLOOR_M, PARAPET_M = 3.8, 3.1, 0.6
 CHIMNEY: Colour = (0.36, 0.16, 0.11)
 
 
-def house(h: House, wall_m: float, sills: bool) -> Mesh:
+def house(h: House, wall_m: float, *, sills: bool) -> Mesh:
     """Base vertices of the walls are `wall_m` apart. Backs and party walls, which nobody sees, are left out."""
     top = GROUND_M + FLOOR_M * h.floors + (PARAPET_M if h.roof == "flat" else 0.0)
     zs, ys = with_breaks(0, top, wall_m, [GROUND_M]), steps(0, h.depth, wall_m)
@@ -220,17 +220,17 @@ def house(h: House, wall_m: float, sills: bool) -> Mesh:
     pitch = h.width / h.columns
     for f in range(h.floors):
         sill_z = GROUND_M + FLOOR_M * f + 0.75
-        parts += [placed(_window(h.trim, sills), (pitch * (c + 0.5), 0, sill_z)) for c in range(h.columns)]
+        parts += [placed(_window(h.trim, sill=sills), (pitch * (c + 0.5), 0, sill_z)) for c in range(h.columns)]
         count = max(2, int(h.depth / 3.2))
         for side in h.sides:
             turn, corner = (90.0, (h.width, 0.0)) if side == "r" else (-90.0, (0.0, h.depth))
-            row = [placed(_window(h.trim, False), (h.depth * (c + 0.5) / count, 0, sill_z)) for c in range(count)]
+            row = [placed(_window(h.trim, sill=False), (h.depth * (c + 0.5) / count, 0, sill_z)) for c in range(count)]
             parts += [placed(window, (*corner, 0), turn) for window in row]
-    parts += _ground_floor(h, pitch, sills)
+    parts += _ground_floor(h, pitch, sills=sills)
     return placed(merged(*parts), (*h.at, 0), h.turn_deg)
 
 
-def _window(trim: Colour, sill: bool) -> Mesh:
+def _window(trim: Colour, *, sill: bool) -> Mesh:
     """A window on the plane y = 0 that looks to -y, standing on z = 0: a raised frame, a pane or two over a sill."""
     w, t = 1.05, 1.6
     frame = _panel(-0.5 * w - 0.12, 0.5 * w + 0.12, -0.02, t + 0.12, 0.03, trim)
@@ -245,7 +245,7 @@ def _panel(x0: float, x1: float, z0: float, z1: float, out: float, colour: Colou
     return sheet((0, -out, 0), (1, 0, 0), (0, 0, 1), [x0, x1], [z0, z1], colour)
 
 
-def _ground_floor(h: House, pitch: float, sills: bool) -> list[Mesh]:
+def _ground_floor(h: House, pitch: float, *, sills: bool) -> list[Mesh]:
     """A door, and windows or shop windows under striped awnings."""
     middle = h.columns // 2
     door = pitch * (middle + 0.5)
@@ -256,7 +256,7 @@ def _ground_floor(h: House, pitch: float, sills: bool) -> list[Mesh]:
     for c in [c for c in range(h.columns) if c != middle]:
         at = pitch * (c + 0.5)
         if h.shop is None:
-            out.append(placed(_window(h.trim, sills), (at, 0, 1.0)))
+            out.append(placed(_window(h.trim, sill=sills), (at, 0, 1.0)))
             continue
         half, count = 0.5 * pitch - 0.25, 5
         stripes = np.array([[h.shop if k % 2 == 0 else WHITE for k in range(count)]])
@@ -332,7 +332,7 @@ SOUTH = (
 )
 
 
-def houses(wall_m: float, sills: bool) -> list[Object]:
+def houses(wall_m: float, *, sills: bool) -> list[Object]:
     """All houses, by the side of the square."""
     rows = {
         "north": (NORTH, "coloured fronts behind the saucer: their rows of windows meet its outline directly"),
@@ -341,5 +341,6 @@ def houses(wall_m: float, sills: bool) -> list[Object]:
         "south": (SOUTH, "fronts behind the camera: the middle of the hull mirrors them"),
     }
     return [
-        Object(f"houses-{side}", merged(*(house(h, wall_m, sills) for h in row)), shows) for side, (row, shows) in rows.items()
+        Object(f"houses-{side}", merged(*(house(h, wall_m, sills=sills) for h in row)), shows)
+        for side, (row, shows) in rows.items()
     ]

@@ -77,7 +77,7 @@ class Blob:
 
 
 def limb(
-    start: Triple, end: Triple, radius: float, other: float | None = None, k: float = 0.01, cut: bool = False, part: str = ""
+    start: Triple, end: Triple, radius: float, other: float | None = None, *, k: float = 0.01, cut: bool = False, part: str = ""
 ) -> Blob:
     """A long blob whose tips are `start` and `end`; `radius` is half its width along its level x, `other` across (the same)."""
     a, b = np.asarray(start, np.float64), np.asarray(end, np.float64)

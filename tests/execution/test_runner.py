@@ -140,6 +140,23 @@ def test_what_refuses_that_is_no_sentence_is_that_methods_crash(tmp_path, monkey
     assert found["last"] == ("ok", "")
 
 
+UNMADE = """
+    def __post_init__(self):
+        if self.behaviour == "unmade" and "worker" in sys.modules["__main__"].__spec__.name: raise OSError("no such table")
+
+    def refuses(self, scene):"""
+
+
+def test_a_method_that_a_worker_cannot_make_costs_its_own_rows_and_no_worker(tmp_path, monkeypatch):
+    monkeypatch.setattr(study, "METHOD", study.METHOD.replace("\n    def refuses(self, scene):", UNMADE, 1))
+    code, rows, _ = run(study.write(tmp_path, '["first", "unmade", "last"]'), tmp_path / "out")
+    found = {row["params"].split("=")[1].split(";")[0]: (row["status"], row["reason"] or "") for row in rows}
+    assert code == 3
+    assert found["unmade"] == ("crashed", "it cannot be made: OSError: no such table")
+    assert found["first"] == found["last"] == ("ok", "")
+    assert (tmp_path / "out" / "worker-0.log").read_text().count("OSError: no such table") == 1
+
+
 def test_a_scene_that_cannot_be_prepared_is_rows_too_which_are_tried_again(tmp_path):
     path = study.write(tmp_path, '["a"]')
     code, rows, _ = run(path, tmp_path / "out", "study:Failing")

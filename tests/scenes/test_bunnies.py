@@ -24,7 +24,7 @@ MOMENTS = (0, 20, 49, 58, 66, 74, 82, 90, 99)
 
 @cache
 def built(detail="lean", moving=True) -> Scene:
-    return bunnies(detail, moving)
+    return bunnies(detail, moving=moving)
 
 
 def part(name: str):
