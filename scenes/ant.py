@@ -21,7 +21,8 @@ from benchharness.scene import Camera, Mesh, Motion, Object, Reflector, Scene, m
 
 from .props import insects, picnic
 from .props.insects import Fineness
-from .props.shapes import Colour, gently, mixed, placed, pose, way_to
+from .props.shapes import Colour, placed, pose
+from .props.ways import gently, mixed, way_to
 
 DetailName = Literal["lean", "paper"]
 EYES = 8

@@ -24,7 +24,8 @@ from benchharness.scene import Environment, Mesh, Object, Reflector, Scene
 from .panoramas import meadow
 from .props import creature
 from .props.courtyard import METALS
-from .props.shapes import Orbit, from_rest_to_rest, mixed, placed, pose, tiles, way_to
+from .props.shapes import placed, pose, tiles
+from .props.ways import Orbit, from_rest_to_rest, mixed, way_to
 
 DetailName = Literal["lean", "paper"]
 

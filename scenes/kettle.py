@@ -28,7 +28,8 @@ from benchharness.scene import Camera, Gloss, Mesh, Object, PointLight, Scene, m
 
 from .props import kettle_body, kettle_figure, kettle_room, kitchen_room, kitchenware
 from .props.kettle_room import CLOTH, HEIGHT
-from .props.shapes import Colour, arc, ball, gently, lathe, mixed, placed, tube, way_to
+from .props.shapes import Colour, arc, ball, lathe, placed, tube
+from .props.ways import gently, mixed, way_to
 
 DetailName = Literal["lean", "paper"]
 

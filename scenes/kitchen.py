@@ -21,7 +21,8 @@ from benchharness.scene import Camera, Object, Reflector, Scene, merged
 
 from .props import bowls, kitchen_room, kitchen_table, kitchenware
 from .props.kitchen_table import HEIGHT
-from .props.shapes import Colour, box, gently, lathe, mixed, placed, way_to
+from .props.shapes import Colour, box, lathe, placed
+from .props.ways import gently, mixed, way_to
 
 DetailName = Literal["lean", "paper"]
 BowlName = Literal["convex", "concave", "torus"]

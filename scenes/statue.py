@@ -22,7 +22,8 @@ from .panoramas import parlour
 from .props import angel
 from .props.courtyard import METALS
 from .props.pottery import Fineness, teapot
-from .props.shapes import Orbit, box, from_rest_to_rest, mixed, placed, pose, sheet, steps
+from .props.shapes import box, placed, pose, sheet, steps
+from .props.ways import Orbit, from_rest_to_rest, mixed
 
 DetailName = Literal["lean", "paper"]
 

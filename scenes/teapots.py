@@ -20,7 +20,8 @@ from benchharness.scene import Mesh, Reflector, Scene
 
 from .props import courtyard
 from .props.pottery import Fineness, teapot
-from .props.shapes import from_rest_to_rest, placed
+from .props.shapes import placed
+from .props.ways import from_rest_to_rest
 
 DetailName = Literal["lean", "paper"]
 DETAILS: dict[str, Fineness] = {
