@@ -201,10 +201,14 @@ from benchharness.api import Method
 class Unmade(Method):
     paper = "none"
     def __init__(self): raise OSError("no such table")
+    def prepare(self, scene): return None
+    def shade(self, state, frame): raise NotImplementedError
 
 class Counting(Method):
     paper = "none"
     def refuses(self, scene): return 7
+    def prepare(self, scene): return None
+    def shade(self, state, frame): raise NotImplementedError
 """
 SMALL = plan.Motion(
     (f"{Path(__file__).parents[1] / 'support' / 'motion_plugins.py'}:turning",), ("cut",), substeps=1, size=(64, 48)
