@@ -14,14 +14,16 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 LONGEST = 4_000
 """Characters kept of a text that a child sends: what it says is read by people, in tables."""
 TAIL = 400
 """Characters of a log that a reason quotes at most."""
+LAST_WORDS_S = 10.0
+"""How long a child may take to end after it closed its stdout."""
 
 # Control characters but for tab and line feed, half surrogates, and what turns the direction of writing.
 _UNFIT = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
@@ -38,21 +40,36 @@ def clean(value: Any) -> Any:
     return [clean(item) for item in value] if isinstance(value, list) else value
 
 
-class Lines:
-    """The lines that a child says, each a JSON object, cleaned. A thread reads them, so that waiting can have a limit."""
+class Child:
+    """`python -m module`, in a session of its own and an environment of ours, that says lines of JSON, each an object.
 
-    def __init__(self, stream: IO[bytes]) -> None:
+    What it says is cleaned. Its stderr is added to the end of `log`. End it with `end`, in any case.
+    """
+
+    def __init__(self, module: str, *arguments: str, log: Path, **environment: str) -> None:
+        self._log = log
+        with open(log, "ab") as stream:
+            self._start = stream.tell()
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-m", module, *arguments],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=stream,
+                env=surroundings() | environment,
+                start_new_session=True,
+            )
         self._lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-        threading.Thread(target=self._read, args=(stream,), daemon=True).start()
+        threading.Thread(target=self._read, daemon=True).start()  # so that waiting can have a limit
 
-    def _read(self, stream: IO[bytes]) -> None:
-        with stream:
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        with self._process.stdout as stream:
             for line in stream:
                 self._lines.put(line)
         self._lines.put(b"")
 
     def next(self, timeout_s: float | None) -> dict[str, Any] | None:
-        """The next one; None at the end, half a line of a child that was killed included. No `timeout_s`: waits for ever.
+        """The next line; None at the end, half a line of a child that was killed included. No `timeout_s`: waits for ever.
 
         Raises TimeoutError where none comes in time, ValueError for what is no JSON object.
         """
@@ -70,26 +87,44 @@ class Lines:
             raise ValueError(f"it said what nobody understands: {clean(line[:80].decode(errors='replace'))}")
         return clean(said)
 
+    def tell(self, line: dict[str, Any]) -> None:
+        """Sends a line of JSON to its stdin. Raises BrokenPipeError where nobody reads there any more."""
+        assert self._process.stdin is not None
+        self._process.stdin.write((json.dumps(line) + "\n").encode())
+        self._process.stdin.flush()
 
-def start(module: str, *arguments: str, log: IO[bytes], **environment: str) -> subprocess.Popen[bytes]:
-    """`python -m module`, in a session of its own and an environment of ours; stdin and stdout are pipes. End it with `end`."""
-    return subprocess.Popen(
-        [sys.executable, "-P", "-m", module, *arguments],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, env=surroundings() | environment, start_new_session=True,
-    )  # fmt: skip
+    def cause(self) -> str:
+        """What it ended with, once `next` was None: "SIGABRT", or "a closed channel" where it has not ended."""
+        try:
+            return cause(self._process.wait(timeout=LAST_WORDS_S))
+        except subprocess.TimeoutExpired:
+            return "a closed channel"
 
+    def words(self) -> str:
+        """The last lines that it left in the log, in one; Python's account of a native crash only if there are no others."""
+        with open(self._log, "rb") as stream:
+            size = stream.seek(0, os.SEEK_END)
+            stream.seek(max(self._start, size - 64 * TAIL))
+            text = stream.read().decode(errors="replace")
+        said, _, stack = text.partition("Fatal Python error")
+        lines = [line.strip() for line in (said.strip() or stack).splitlines() if line.strip()]
+        return clean(" | ".join(lines[-3:])[-TAIL:])
 
-def end(process: subprocess.Popen[bytes]) -> None:
-    """Kills a child with whatever it started; `Lines` closes its stdout, when nobody holds the other end any more."""
-    if process.returncode is None:  # nobody waited for it yet, so that the number of its group is still its own
-        if os.name == "posix":
-            with contextlib.suppress(ProcessLookupError, PermissionError):
-                os.killpg(process.pid, signal.SIGKILL)
-        process.kill()
-    process.wait()
-    assert process.stdin is not None
-    with contextlib.suppress(BrokenPipeError):
-        process.stdin.close()
+    def kill(self) -> None:
+        """From another thread than the one that listens, which hears of its end, and calls `end`."""
+        self._process.kill()
+
+    def end(self) -> None:
+        """Kills it with whatever it started; the reading thread closes its stdout when nobody holds the other end any more."""
+        if self._process.returncode is None:  # nobody waited for it yet, so that the number of its group is still its own
+            if os.name == "posix":
+                with contextlib.suppress(ProcessLookupError, PermissionError):
+                    os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.kill()
+        self._process.wait()
+        assert self._process.stdin is not None
+        with contextlib.suppress(BrokenPipeError):
+            self._process.stdin.close()
 
 
 def search_path() -> tuple[str, ...]:
@@ -97,9 +132,9 @@ def search_path() -> tuple[str, ...]:
     return tuple(entry or os.getcwd() for entry in sys.path)
 
 
-def surroundings() -> dict[str, str]:
-    """The environment of a child that imports what we import."""
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(search_path())}
+def surroundings(path: Sequence[str] | None = None) -> dict[str, str]:
+    """The environment of a child that imports from the folders `path`; None: from those that we import from."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(search_path() if path is None else path)}
 
 
 def cause(code: int) -> str:
@@ -110,17 +145,6 @@ def cause(code: int) -> str:
         return signal.Signals(-code).name
     except ValueError:
         return f"signal {-code}"
-
-
-def tail(log: Path, start: int = 0) -> str:
-    """The last lines of a log, in one; Python's account of a native crash only if there are no others."""
-    with open(log, "rb") as stream:
-        size = stream.seek(0, os.SEEK_END)
-        stream.seek(max(start, size - 64 * TAIL))
-        text = stream.read().decode(errors="replace")
-    said, _, stack = text.partition("Fatal Python error")
-    lines = [line.strip() for line in (said.strip() or stack).splitlines() if line.strip()]
-    return clean(" | ".join(lines[-3:])[-TAIL:])
 
 
 def channel() -> Callable[[dict], None]:

@@ -20,6 +20,9 @@ import numpy as np
 
 from benchharness.scene import Scene
 
+MISSING = "missing reflections"
+"""A symptom: the share of the reflections that an eye can see of a sample of vertices, and a method has not found."""
+
 
 @dataclass(frozen=True, eq=False)
 class Seen:
@@ -81,7 +84,8 @@ class Regime:
     symptom     the error that is measured, with its unit; 0 is right
     bound       of it, up to which a method holds
     why         why that much
-    measure     the symptom: a column of results.csv, or a function of what was seen; where it is None, FLIP takes its place
+    measure     the symptom: a column of results.csv, MISSING, or a function of what was seen; where it is None, FLIP takes its
+                place
     frame       of the scene's animation
     size        width and height of the picture
     max_depth   of the reference: 2 shows one mirror bounce

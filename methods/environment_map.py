@@ -31,9 +31,9 @@ from pydantic import Field
 from benchharness.api import Frame, Method, Reflection
 from benchharness.kernels import cubemap, geometry, optics, passage, selfmet, surroundings
 from benchharness.kernels.frozen import frozen
+from benchharness.kernels.pixels import WRONG_PX
 from benchharness.scene import Scene
 
-OFF_PX = 2.0  # on the screen; what is shown further off than this is doubted
 WAY = (0.4, 1.0, 2.5, 6.25)  # where a ray's way is looked at, in distances of its start from the centre
 SPAN = 0.6  # of the angle between a point of the way and the way's end: so far is the next point, 1 - 1 / 2.5
 COVER = 0.1  # share of a texel that what is near has to fill
@@ -149,7 +149,7 @@ def _look_up(maps: list, places: list, boxes: list, view, pixels: list, resoluti
         if not doubts:
             continue
         x = mi.Vector3f(p - place)
-        doubt |= _misplaced(pyramid, resolution, count, x, r, value.w, OFF_PX * turn, own)
+        doubt |= _misplaced(pyramid, resolution, count, x, r, value.w, WRONG_PX * turn, own)
         doubt |= own & (value.w * selfmet.away(p, n, r, steps, bends, box, own) < 1)
     if doubts and len(maps) > 1:
         doubt |= active & (value.w > 0) & (dr.max(value.xyz) <= 0)

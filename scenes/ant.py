@@ -21,7 +21,8 @@ from benchharness.scene import Camera, Mesh, Motion, Object, Reflector, Scene, m
 
 from .props import insects, picnic
 from .props.insects import Fineness
-from .props.shapes import Colour, gently, mixed, placed, pose, way_to
+from .props.shapes import Colour, placed, pose
+from .props.ways import gently, mixed, way_to
 
 DetailName = Literal["lean", "paper"]
 EYES = 8
@@ -81,7 +82,7 @@ NODS, WAVES = ("rust", "black"), "amber"
 """Whose heads nod, and whose antennae wave, if things move."""
 
 
-def ant(detail: DetailName = "lean", eyes: int = EYES, moving: bool = True) -> Scene:
+def ant(detail: DetailName = "lean", eyes: int = EYES, *, moving: bool = True) -> Scene:
     """The ants.
 
     detail   how finely the scene is modelled; the same things either way
@@ -103,13 +104,16 @@ def ant(detail: DetailName = "lean", eyes: int = EYES, moving: bool = True) -> S
         picnic.hills(d.far + d.far // 2),
         picnic.clouds(max(6, d.can // 4)),
         picnic.sun(16, (48.0, 42.0, 34.0)),
-        Object("sugar", placed(picnic.sugar(), (COUNCIL[0] + 0.02, COUNCIL[1] + 0.09, 0)),
-               "white lumps in front of all ants: straight edges that each eye bends in its own way"),
-        *_cans(d.can, moving),
-    ]  # fmt: skip
+        Object(
+            "sugar",
+            placed(picnic.sugar(), (COUNCIL[0] + 0.02, COUNCIL[1] + 0.09, 0)),
+            "white lumps in front of all ants: straight edges that each eye bends in its own way",
+        ),
+        *_cans(d.can, moving=moving),
+    ]
     mirrors: list[Reflector] = []
     for place in PLACES:
-        parts, pair = _ant(place, d.ants, moving)
+        parts, pair = _ant(place, d.ants, moving=moving)
         objects += parts
         for side, (mesh, motion) in zip(("left", "right"), pair, strict=True):
             name = f"{place.name}-eye-{side}"
@@ -181,7 +185,7 @@ class Roll:
         return matrix
 
 
-def _ant(place: Place, d: Fineness, moving: bool) -> tuple[list[Object], list[tuple[Mesh, Motion | None]]]:
+def _ant(place: Place, d: Fineness, *, moving: bool) -> tuple[list[Object], list[tuple[Mesh, Motion | None]]]:
     """The objects of an ant, and its eyes, left and right, each with its motion."""
     bearing = np.radians(place.bearing_deg)
     turn = place.bearing_deg + 90
@@ -205,7 +209,7 @@ def _triple(v: np.ndarray) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _cans(n: int, moving: bool) -> list[Object]:
+def _cans(n: int, *, moving: bool) -> list[Object]:
     """Cans around the ants and behind the camera; one rolls."""
     red, white, blue, gold = (0.66, 0.05, 0.04), (0.84, 0.82, 0.78), (0.05, 0.16, 0.46), (0.80, 0.52, 0.08)
     green, orange, teal, cream = (0.08, 0.34, 0.12), (0.84, 0.34, 0.05), (0.05, 0.38, 0.40), (0.80, 0.72, 0.55)
@@ -231,8 +235,14 @@ def _cans(n: int, moving: bool) -> list[Object]:
     across = np.degrees(np.arctan2(roll.way[1], roll.way[0]))
     rolling = picnic.lying(picnic.soda(n, tonic), 0.085, *roll.start[:2], across)
     return [
-        stand("can-tuna", picnic.tin(n + n // 2, tuna, 0.245, place.height + 0.008), x, y, 10,
-              "a flat tin that the second ant stands on"),
+        stand(
+            "can-tuna",
+            picnic.tin(n + n // 2, tuna, 0.245, place.height + 0.008),
+            x,
+            y,
+            10,
+            "a flat tin that the second ant stands on",
+        ),
         stand("can-cola", picnic.soda(n, cola), -0.60, 0.30, 0, "a tall red can behind the ants: long thin triangles"),
         stand("can-peas", picnic.tin(n, peas), 0.02, 0.50, 30, "a green tin between the ants, half hidden by them"),
         stand("can-beans", picnic.tin(n, beans), 0.235, 0.56, -20, "a blue tin beside the green one"),
@@ -240,11 +250,29 @@ def _cans(n: int, moving: bool) -> list[Object]:
         stand("can-lemon", picnic.soda(n, lemon), 0.52, 0.36, 60, "a tall yellow can behind the ants"),
         lie("can-peach", picnic.tin(n, peach), 0.103, (0.80, 0.62), 60, "a tin that lies on its side, far right"),
         stand("can-soup", picnic.tin(n, soup), -0.72, -0.62, 80, "a red and white tin beside the leftmost ant's eyes"),
-        stand("can-orange", picnic.soda(n, [(0.25, orange), (0.25, white)] * 2), 0.80, -0.62, 20,
-              "an orange can beside the rightmost ant's eyes"),
-        stand("can-blue", picnic.soda(n, [(0.4, blue), (0.1, gold)] * 2), -0.46, -1.20, 0,
-              "a blue can behind the camera, mirrored in all eyes"),
-        lie("can-corn", picnic.tin(n, [(0.3, gold), (0.2, green)] * 2), 0.103, (0.46, -1.26), 75,
-            "a lying yellow tin behind the camera, mirrored in all eyes"),
+        stand(
+            "can-orange",
+            picnic.soda(n, [(0.25, orange), (0.25, white)] * 2),
+            0.80,
+            -0.62,
+            20,
+            "an orange can beside the rightmost ant's eyes",
+        ),
+        stand(
+            "can-blue",
+            picnic.soda(n, [(0.4, blue), (0.1, gold)] * 2),
+            -0.46,
+            -1.20,
+            0,
+            "a blue can behind the camera, mirrored in all eyes",
+        ),
+        lie(
+            "can-corn",
+            picnic.tin(n, [(0.3, gold), (0.2, green)] * 2),
+            0.103,
+            (0.46, -1.26),
+            75,
+            "a lying yellow tin behind the camera, mirrored in all eyes",
+        ),
         Object("can-rolling", rolling, "upright stripes that turn: a can that rolls, seen in eyes", roll if moving else None),
-    ]  # fmt: skip
+    ]

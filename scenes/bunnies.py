@@ -24,7 +24,8 @@ from benchharness.scene import Environment, Mesh, Object, Reflector, Scene
 from .panoramas import meadow
 from .props import creature
 from .props.courtyard import METALS
-from .props.shapes import Orbit, from_rest_to_rest, mixed, placed, pose, tiles, way_to
+from .props.shapes import placed, pose, tiles
+from .props.ways import Orbit, from_rest_to_rest, mixed, way_to
 
 DetailName = Literal["lean", "paper"]
 
@@ -47,7 +48,7 @@ HALF = 50 / FPS
 CAMERA = Orbit((0.005, 0.0, 0.152), (-128.0, -84.0), (5.5, 8.5), (1.00, 0.90), fov_deg=29.0, duration=HALF)
 
 
-def bunnies(detail: DetailName = "lean", moving: bool = True) -> Scene:
+def bunnies(detail: DetailName = "lean", *, moving: bool = True) -> Scene:
     """The two bunnies.
 
     detail   how finely they are modelled; the same things either way

@@ -28,7 +28,8 @@ from benchharness.scene import Camera, Gloss, Mesh, Object, PointLight, Scene, m
 
 from .props import kettle_body, kettle_figure, kettle_room, kitchen_room, kitchenware
 from .props.kettle_room import CLOTH, HEIGHT
-from .props.shapes import Colour, arc, ball, gently, lathe, mixed, placed, tube, way_to
+from .props.shapes import Colour, arc, ball, lathe, placed, tube
+from .props.ways import gently, mixed, way_to
 
 DetailName = Literal["lean", "paper"]
 
@@ -74,7 +75,7 @@ FIGURE, FIGURE_DEG = (-0.66, 0.27, 0.0), -24.0
 """Where the figure sits, and where it looks: azimuth, degrees."""
 
 
-def kettle(detail: DetailName = "lean", moving: bool = True) -> Scene:
+def kettle(detail: DetailName = "lean", *, moving: bool = True) -> Scene:
     """The kettle.
 
     detail   how finely it is modelled; the same things either way
@@ -99,7 +100,7 @@ def kettle(detail: DetailName = "lean", moving: bool = True) -> Scene:
             *kettle_room.chair(),
             *things,
             *kettle_figure.sitter(d.near, FIGURE, FIGURE_DEG),
-            *_arm(d.hand, moving),
+            *_arm(d.hand, moving=moving),
             *kettle_body.attached(CENTRE, d.near),
         ),
         reflectors=(kettle_body.body(CENTRE),),
@@ -161,17 +162,25 @@ def reach(hand: Mesh) -> kettle_figure.Reach:
     return kettle_figure.Reach(tuple(wrist.tolist()), rows, away, start=4 / FPS, arrival=TOUCH_FRAME / FPS)
 
 
-def _arm(n: int, moving: bool) -> list[Object]:
+def _arm(n: int, *, moving: bool) -> list[Object]:
     hand = kettle_figure.hand(n)
     path, joint = reach(hand), kettle_figure.shoulder(FIGURE, FIGURE_DEG)
     out = (-0.1, -0.8, -0.45)
     parts = [
-        ("upper-arm", kettle_figure.upper_arm(n), "joins hand and figure in the mirror",
-         kettle_figure.Arm(path, joint, out, fore=False)),
-        ("forearm", kettle_figure.forearm(n), "leads from the picture's edge to the hand",
-         kettle_figure.Arm(path, joint, out, fore=True)),
+        (
+            "upper-arm",
+            kettle_figure.upper_arm(n),
+            "joins hand and figure in the mirror",
+            kettle_figure.Arm(path, joint, out, fore=False),
+        ),
+        (
+            "forearm",
+            kettle_figure.forearm(n),
+            "leads from the picture's edge to the hand",
+            kettle_figure.Arm(path, joint, out, fore=True),
+        ),
         ("hand", hand, "comes near and touches the mirror with a red nail, whose tip meets its own image", path),
-    ]  # fmt: skip
+    ]
     return [
         Object(name, mesh, shows, motion) if moving else Object(name, mesh.transformed(motion(path.arrival)), shows)
         for name, mesh, shows, motion in parts
@@ -180,12 +189,24 @@ def _arm(n: int, moving: bool) -> list[Object]:
 
 def _jug(n: int, colour: Colour) -> Mesh:
     """A small glazed milk jug, round-bellied, white inside, its handle towards +x."""
-    outside = [(0.030, 0), (0.041, 0.014), (0.047, 0.032), (0.0465, 0.047), (0.040, 0.065), (0.033, 0.080), (0.032, 0.090),
-               (0.037, 0.102)]  # fmt: skip
+    outside = [
+        (0.030, 0),
+        (0.041, 0.014),
+        (0.047, 0.032),
+        (0.0465, 0.047),
+        (0.040, 0.065),
+        (0.033, 0.080),
+        (0.032, 0.090),
+        (0.037, 0.102),
+    ]
     inside = [(0.0345, 0.102), (0.029, 0.088), (0.036, 0.060), (0.030, 0.025), (0, 0.020)]
     count = len(outside) + len(inside) - 1
-    pot = lathe(outside + inside, n + n // 2, [colour] * (len(outside) - 1) + [kitchenware.WHITE] * (count - len(outside) + 1),
-                sharp_deg=75)  # fmt: skip
+    pot = lathe(
+        outside + inside,
+        n + n // 2,
+        [colour] * (len(outside) - 1) + [kitchenware.WHITE] * (count - len(outside) + 1),
+        sharp_deg=75,
+    )
     grip = tube(
         arc((0.036, 0, 0.062), (0.034, 0, 0), (0, 0, 0.028), -84, 84, max(7, n // 2 + 2)), 0.0052, max(6, n // 3), colour
     )
@@ -200,8 +221,12 @@ def _vase(n: int) -> Mesh:
     for (x, y, z), colour in zip([(-0.055, 0.01, 0.27), (0.05, -0.03, 0.25), (0.015, 0.045, 0.30)], petals, strict=True):
         stem = [(0.15 * x, 0.15 * y, 0.13), (0.45 * x, 0.45 * y, 0.20), (x, y, z)]
         parts.append(tube(stem, 0.0035, max(5, n // 3), green))
-        cup = lathe([(0.004, -0.004), (0.021, 0.008), (0.024, 0.024), (0.017, 0.046), (0, 0.040)], max(8, 2 * n // 3), colour,
-                    sharp_deg=75)  # fmt: skip
+        cup = lathe(
+            [(0.004, -0.004), (0.021, 0.008), (0.024, 0.024), (0.017, 0.046), (0, 0.040)],
+            max(8, 2 * n // 3),
+            colour,
+            sharp_deg=75,
+        )
         parts.append(placed(cup, (x, y, z), tilt_deg=-400 * y))
     return merged(*parts)
 
@@ -226,7 +251,11 @@ def _on_the_table(n: int) -> tuple[list[Object], list[tuple[float, float, float]
         Object("plate", placed(plate, (*dish, HEIGHT)), "a flat round thing with a blue rim, seen beside and in the kettle"),
         Object("fruit", merged(*fruit), "round bright things behind the kettle, mirrored near its outline"),
         Object("vase", placed(_vase(n), (0.19, 0.42, HEIGHT)), "thin stems and bright heads against the wall"),
-        Object(GLOSSY, placed(_jug(n, (0.07, 0.20, 0.42)), (-0.145, -0.180, on_cloth), -130),
-               "a glazed thing close to the kettle: its highlight is where the one who looks sees it", gloss=GLAZE),
-    ]  # fmt: skip
+        Object(
+            GLOSSY,
+            placed(_jug(n, (0.07, 0.20, 0.42)), (-0.145, -0.180, on_cloth), -130),
+            "a glazed thing close to the kettle: its highlight is where the one who looks sees it",
+            gloss=GLAZE,
+        ),
+    ]
     return objects, [(-0.41, -0.05, 0.042), (*dish, 0.072), (0.19, 0.42, 0.03)]

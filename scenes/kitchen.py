@@ -17,10 +17,12 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from benchharness.scene import Camera, Mesh, Motion, Object, Reflector, Scene, merged
+from benchharness.scene import Camera, Object, Reflector, Scene, merged
 
-from .props import bowls, kitchen_room, kitchenware
-from .props.shapes import Colour, bar, box, contact_sheet, gently, lathe, mixed, placed, pose, tiles, way_to
+from .props import bowls, kitchen_room, kitchen_table, kitchenware
+from .props.kitchen_table import HEIGHT
+from .props.shapes import Colour, box, lathe, placed
+from .props.ways import gently, mixed, way_to
 
 DetailName = Literal["lean", "paper"]
 BowlName = Literal["convex", "concave", "torus"]
@@ -53,16 +55,12 @@ DETAILS: dict[str, Detail] = {
     "paper": Detail(near=24, far=18, table=0.05, wall=0.4, front=0.4, worktop=0.3, h_max=0.355),
 }
 
-TABLE = (-0.85, 0.85, -0.42, 0.62)
-"""The table top: x from, to, y from, to, metres."""
-HEIGHT = 0.75
-"""Of the table, metres."""
 BOWL = (0.0, 0.1, HEIGHT)
 """Where the bowl stands on the table."""
 FRAMES, FPS = 100, 25.0
 
 
-def kitchen(detail: DetailName = "lean", bowl: BowlName = "convex", moving: bool = False) -> Scene:
+def kitchen(detail: DetailName = "lean", bowl: BowlName = "convex", *, moving: bool = False) -> Scene:
     """The kitchen.
 
     detail   how finely it is modelled; the same things either way
@@ -77,7 +75,7 @@ def kitchen(detail: DetailName = "lean", bowl: BowlName = "convex", moving: bool
     if not isinstance(moving, bool):
         raise ValueError(f"kitchen: moving is {moving!r}; accepted: true or false")
     d = DETAILS[detail]
-    things, feet = _on_the_table(d, moving)
+    things, feet = kitchen_table.things(d.near, FRAMES / FPS, moving=moving)
     mirror, support = _bowl(bowl, d)
     scene = Scene(
         name="kitchen",
@@ -89,7 +87,7 @@ def kitchen(detail: DetailName = "lean", bowl: BowlName = "convex", moving: bool
             *kitchen_room.high_cupboards(d.front),
             *kitchen_room.furniture(d.front),
             *_along_the_walls(d),
-            *_table(d, [*feet, _FOOT[bowl]]),
+            *kitchen_table.table(d.table, [*feet, _FOOT[bowl]]),
             *things,
             *support,
         ),
@@ -136,38 +134,6 @@ CAMERAS = {
 """Each draws near until its bowl covers about half of the picture."""
 
 
-@dataclass(frozen=True)
-class Roll:
-    """A ball of `radius` about the origin that rolls on the table, `start` to `end` (x, y), in `duration` seconds."""
-
-    start: tuple[float, float]
-    end: tuple[float, float]
-    radius: float
-    duration: float = FRAMES / FPS
-
-    def __call__(self, time: float) -> np.ndarray:
-        way = np.subtract(self.end, self.start) * np.clip(time / self.duration, 0.0, 1.0)
-        length = float(np.linalg.norm(way))
-        heading = np.degrees(np.arctan2(self.end[1] - self.start[1], self.end[0] - self.start[0]))
-        turn = pose(turn_deg=heading + 90) @ pose(tilt_deg=np.degrees(length / self.radius)) @ pose(turn_deg=-heading - 90)
-        return pose((self.start[0] + way[0], self.start[1] + way[1], HEIGHT + self.radius)) @ turn
-
-
-@dataclass(frozen=True)
-class Slide:
-    """Slides on the table from `start` to `end` (x, y) in `duration` seconds, turned by `turn_deg` throughout."""
-
-    start: tuple[float, float]
-    end: tuple[float, float]
-    turn_deg: float = 0.0
-    duration: float = FRAMES / FPS
-
-    def __call__(self, time: float) -> np.ndarray:
-        s = float(np.clip(time / self.duration, 0.0, 1.0))
-        x, y = (1 - s) * np.asarray(self.start) + s * np.asarray(self.end)
-        return pose((x, y, HEIGHT), self.turn_deg)
-
-
 def _bowl(bowl: str, d: Detail) -> tuple[Reflector, list[Object]]:
     """The mirror, and what holds or covers it."""
     if bowl == "convex":
@@ -200,121 +166,6 @@ _FOOT = {
 """Where each bowl touches the table: x, y, radius."""
 
 
-def _table(d: Detail, feet: list[tuple[float, float, float]]) -> list[Object]:
-    x0, x1, y0, y1 = TABLE
-    top = contact_sheet((x0, y0), (x1, y1), HEIGHT, d.table, feet, kitchen_room.OAK)
-    grain = 1.0 + 0.10 * np.sin(23.0 * top.vertices[:, 1:2] + 2.0 * np.sin(3.0 * top.vertices[:, :1]))
-    top = Mesh(top.vertices, top.faces, top.normals, top.albedo * grain)
-    wood, low = kitchen_room.DARK_OAK, HEIGHT - 0.035
-    sides = box((x0, y0, low), (x1, y1, HEIGHT), kitchen_room.OAK, "+z -z", d.table)
-    legs = [bar((x - 0.035, y - 0.035, 0), (x + 0.035, y + 0.035, low), wood)
-            for x in (x0 + 0.08, x1 - 0.08) for y in (y0 + 0.08, y1 - 0.08)]  # fmt: skip
-    check = np.add.outer(np.arange(4), np.arange(6)) % 2
-    cloth = np.where(check[..., None], (0.62, 0.10, 0.09), (0.80, 0.76, 0.68))
-    seats = [placed(kitchen_room.chair(wood), at, turn) for at, turn in (((1.08, 0.15, 0), 90), ((-0.95, 0.95, 0), -150))]
-    return [
-        Object("table-top", top, "contact shadows around all that stands on it, the bowl's nearest surroundings"),
-        Object("table-frame", merged(sides, *legs), "the table's edges and legs against the floor"),
-        Object("cloth", tiles((-0.80, -0.38, HEIGHT + 0.002), (0.42, 0, 0), (0, 0.28, 0), (6, 4), cloth),
-               "a fine chequered pattern close to the bowl, where reflections are distorted most"),
-        Object("chairs", merged(*seats), "thin upright posts at middle distance"),
-    ]  # fmt: skip
-
-
-def _on_the_table(d: Detail, moving: bool) -> tuple[list[Object], list[tuple[float, float, float]]]:
-    """What stands on the table, and where: x, y and radius of the contact."""
-    n, objects, feet = d.near, [], []
-
-    def put(name: str, mesh: Mesh, x: float, y: float, foot: float, shows: str, turn_deg: float = 0.0, z: float = 0.0) -> None:
-        objects.append(Object(name, placed(mesh, (x, y, HEIGHT + z), turn_deg), shows))
-        if z == 0.0:
-            feet.append((x, y, foot))
-
-    def move(name: str, mesh: Mesh, motion: Motion, foot: float, shows: str) -> None:
-        start = motion(0.0)
-        objects.append(Object(name, mesh, shows, motion) if moving else Object(name, mesh.transformed(start), shows))
-        feet.append((start[0, 3], start[1, 3], foot))
-
-    red, yellow, blue, green = (0.62, 0.07, 0.05), (0.80, 0.58, 0.10), (0.08, 0.20, 0.42), (0.10, 0.30, 0.12)
-    put(
-        "can-red",
-        kitchenware.can(n, red, kitchenware.WHITE),
-        0.45,
-        0.24,
-        0.042,
-        "a red can with a white band, right of the bowl",
-    )
-    put(
-        "can-yellow",
-        kitchenware.can(n, yellow, green),
-        0.57,
-        0.13,
-        0.042,
-        "a yellow can with a green band, right of the bowl",
-    )
-    put(
-        "can-blue",
-        kitchenware.can(n, blue, yellow),
-        0.44,
-        0.06,
-        0.042,
-        "a blue can with a yellow band, close to the bowl",
-    )
-    put(
-        "kettle",
-        kitchenware.kettle(n, (0.60, 0.12, 0.06)),
-        -0.55,
-        0.36,
-        0.104,
-        "a red kettle: large, round, with thin parts",
-        -35,
-    )
-    put("bottle", kitchenware.bottle(n), 0.68, 0.42, 0.036, "a tall dark bottle that stretches along the mirror's rim")
-    put(
-        "mug-green",
-        kitchenware.mug(n, (0.20, 0.42, 0.34)),
-        -0.40,
-        0.12,
-        0.04,
-        "a mug with a handle left of the bowl",
-        200,
-    )
-    put("plate", kitchenware.plate(n, blue), -0.62, -0.22, 0.075, "a flat round thing with a coloured rim", z=0.003)
-    put(
-        "apple-one",
-        kitchenware.apple(n),
-        -0.65,
-        -0.20,
-        0.02,
-        "a round red thing with a bright and a dark side",
-        z=0.0105,
-    )
-    put(
-        "apple-two",
-        kitchenware.apple(n, (0.36, 0.45, 0.08)),
-        -0.56,
-        -0.24,
-        0.02,
-        "a green apple beside the red one",
-        80,
-        0.0105,
-    )
-    put("banana", kitchenware.banana(n), 0.60, -0.20, 0.02, "a bent thing whose bend the mirror changes", 25)
-    put(
-        "orange-two",
-        placed(kitchenware.orange(n), (0, 0, 0.04)),
-        0.36,
-        -0.30,
-        0.012,
-        "a second orange, farther from the bowl",
-    )
-    move("orange", kitchenware.orange(n), Roll((-0.24, -0.26), (0.22, -0.30), 0.04), 0.012,
-         "a plain bright ball in front of the bowl; rolls to the right if things move")  # fmt: skip
-    move("mug-white", kitchenware.mug(n, (0.80, 0.74, 0.62)), Slide((0.40, -0.12), (0.72, -0.02), -40), 0.04,
-         "a pale mug right of the bowl; slides away if things move")  # fmt: skip
-    return objects, feet
-
-
 def _along_the_walls(d: Detail) -> list[Object]:
     """What stands on worktops, shelves and dresser."""
     n, counter = d.far, kitchen_room.COUNTER
@@ -333,12 +184,19 @@ def _along_the_walls(d: Detail) -> list[Object]:
         (-0.55, 1.90, counter),
         tilt_deg=-9,
     )
-    bread = placed(lathe([(0, -0.14), (0.05, -0.13), (0.065, -0.06), (0.065, 0.06), (0.05, 0.13), (0, 0.14)], n + 2,
-                         (0.58, 0.33, 0.14)), (-0.20, 1.68, counter + 0.062), 70, 90)  # fmt: skip
+    bread = placed(
+        lathe([(0, -0.14), (0.05, -0.13), (0.065, -0.06), (0.065, 0.06), (0.05, 0.13), (0, 0.14)], n + 2, (0.58, 0.33, 0.14)),
+        (-0.20, 1.68, counter + 0.062),
+        70,
+        90,
+    )
     return [
         Object("jars", merged(*jars), "a row of small coloured things on the shelf over the worktop"),
-        Object("pot", placed(kitchenware.pot(n + 2, (0.14, 0.30, 0.40)), (0.45, 1.84, counter + 0.012), 15),
-               "a large blue thing on the hob"),
+        Object(
+            "pot",
+            placed(kitchenware.pot(n + 2, (0.14, 0.30, 0.40)), (0.45, 1.84, counter + 0.012), 15),
+            "a large blue thing on the hob",
+        ),
         Object("board", merged(board, bread), "a chopping board and a loaf against the bright splashback"),
         Object("dresser-plates", merged(*row), "round things on straight shelves behind the camera"),
-    ]  # fmt: skip
+    ]

@@ -79,7 +79,7 @@ class Bounce:
 CAMERA = courtyard.Orbit((-132.0, -108.0, -104.0), (18.0, 12.5, 12.0), (1.72, 1.66, 1.65), (0.0, 0.0, 0.20), 35.0, HALF, END)
 
 
-def spheres(detail: DetailName = "lean", count: int = COUNT, moving: bool = True) -> Scene:
+def spheres(detail: DetailName = "lean", count: int = COUNT, *, moving: bool = True) -> Scene:
     """The spheres.
 
     detail   how finely they are modelled
@@ -97,7 +97,7 @@ def spheres(detail: DetailName = "lean", count: int = COUNT, moving: bool = True
     scene = Scene(
         name="spheres",
         objects=(courtyard.floor(),),
-        reflectors=tuple(_sphere(k, detail, moving) for k in range(count)),
+        reflectors=tuple(_sphere(k, detail, moving=moving) for k in range(count)),
         camera=CAMERA,
         frames=FRAMES,
         fps=FPS,
@@ -109,7 +109,7 @@ def spheres(detail: DetailName = "lean", count: int = COUNT, moving: bool = True
     return scene
 
 
-def _sphere(k: int, detail: str, moving: bool) -> Reflector:
+def _sphere(k: int, detail: str, *, moving: bool) -> Reflector:
     place, ball = PLACES[k], unit_sphere(*DETAILS[detail])
     n = ball.vertices / np.linalg.norm(ball.vertices, axis=1, keepdims=True)
     mesh = Mesh(place.radius * n + [*place.at, place.radius], ball.faces, n)

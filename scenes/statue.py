@@ -22,7 +22,8 @@ from .panoramas import parlour
 from .props import angel
 from .props.courtyard import METALS
 from .props.pottery import Fineness, teapot
-from .props.shapes import Orbit, box, from_rest_to_rest, mixed, placed, pose, sheet, steps
+from .props.shapes import box, placed, pose, sheet, steps
+from .props.ways import Orbit, from_rest_to_rest, mixed
 
 DetailName = Literal["lean", "paper"]
 
@@ -68,7 +69,7 @@ HALF = 50 / FPS
 CAMERA = Orbit((0.0, 0.0, 0.105), (-63.0, -97.0), (11.0, 15.5), (1.16, 1.06), fov_deg=28.0, duration=HALF)
 
 
-def statue(detail: DetailName = "lean", moving: bool = True) -> Scene:
+def statue(detail: DetailName = "lean", *, moving: bool = True) -> Scene:
     """The statue and the two teapots.
 
     detail   how finely they are modelled; the same things either way

@@ -20,7 +20,8 @@ from benchharness.scene import Mesh, Reflector, Scene
 
 from .props import courtyard
 from .props.pottery import Fineness, teapot
-from .props.shapes import from_rest_to_rest, placed
+from .props.shapes import placed
+from .props.ways import from_rest_to_rest
 
 DetailName = Literal["lean", "paper"]
 DETAILS: dict[str, Fineness] = {
@@ -77,7 +78,7 @@ GLIDER, WAY, TURN_DEG = "gold", (-0.16, -0.26), -85.0
 CAMERA = courtyard.Orbit((-128.0, -92.0, -88.0), (14.0, 10.5, 10.0), (1.55, 1.47, 1.46), (0.0, 0.03, 0.175), 35.5, HALF, END)
 
 
-def teapots(detail: DetailName = "lean", pots: int = POTS, moving: bool = True) -> Scene:
+def teapots(detail: DetailName = "lean", pots: int = POTS, *, moving: bool = True) -> Scene:
     """The teapots.
 
     detail   how finely the pots are modelled
@@ -95,7 +96,7 @@ def teapots(detail: DetailName = "lean", pots: int = POTS, moving: bool = True) 
     scene = Scene(
         name="teapots",
         objects=(courtyard.floor(),),
-        reflectors=tuple(_pot(place, DETAILS[detail], moving) for place in PLACES[:pots]),
+        reflectors=tuple(_pot(place, DETAILS[detail], moving=moving) for place in PLACES[:pots]),
         camera=CAMERA,
         frames=FRAMES,
         fps=FPS,
@@ -107,7 +108,7 @@ def teapots(detail: DetailName = "lean", pots: int = POTS, moving: bool = True) 
     return scene
 
 
-def _pot(place: Place, fine: Fineness, moving: bool) -> Reflector:
+def _pot(place: Place, fine: Fineness, *, moving: bool) -> Reflector:
     mesh: Mesh = placed(teapot(place.radius, fine), (*place.at, -SUNK), place.turn_deg)
     eta, k = courtyard.METALS[place.metal]
     glide = Glide(place.at, WAY, TURN_DEG) if moving and place.metal == GLIDER else None

@@ -68,7 +68,7 @@ SUN_RADIANCE = (69.0, 59.0, 44.0)
 About 2 W/m² of irradiance on a surface that faces it, beside the sky's 1.1 to 2.5 on the ground."""
 
 
-def ufo(detail: DetailName = "lean", moving: bool = True) -> Scene:
+def ufo(detail: DetailName = "lean", *, moving: bool = True) -> Scene:
     """The square.
 
     detail   how finely it is modelled; the same things either way
@@ -87,11 +87,11 @@ def ufo(detail: DetailName = "lean", moving: bool = True) -> Scene:
         name="ufo",
         objects=(
             *city.ground(d.tile, d.road),
-            *city.houses(d.wall, d.sills),
+            *city.houses(d.wall, sills=d.sills),
             *_greenery(d),
             *_furniture(d),
             *_people(d),
-            *_trucks(d, moving),
+            *_trucks(d, moving=moving),
             *_on_the_saucer(d, flight),
             _sun(),
         ),
@@ -154,8 +154,7 @@ def _sun() -> Object:
 
 
 def _greenery(d: Detail) -> list[Object]:
-    places = [(-14.4, -17.0), (-14.4, -1.5), (14.5, -9.0), (14.5, 0.5), (-10.5, 14.0), (-1.0, 14.1),
-              (9.0, 14.0), (3.0, -20.1)]  # fmt: skip
+    places = [(-14.4, -17.0), (-14.4, -1.5), (14.5, -9.0), (14.5, 0.5), (-10.5, 14.0), (-1.0, 14.1), (9.0, 14.0), (3.0, -20.1)]
     trees = [placed(street.tree(d.far, k, 5.4 + 0.7 * ((7 * k) % 3)), (x, y, 0), 40.0 * k) for k, (x, y) in enumerate(places)]
     return [Object("trees", merged(*trees), "round green things before the fronts all around")]
 
@@ -171,18 +170,35 @@ def _furniture(d: Detail) -> list[Object]:
     benches = [((6.4, -3.0), 90), ((6.4, 0.2), 90), ((3.0, 6.4), 0), ((-3.0, 6.4), 0)]
     return [
         Object("fountain", placed(street.fountain(d.near), (-4.4, -9.2, 0)), "water and stone rings in the island's corner"),
-        Object("lamps", merged(*(placed(street.lamp_post(d.far), (*at, 0)) for at in lamps)),
-               "thin posts, which the hull bends into hooks"),
-        Object("parasols", merged(*(placed(street.parasol(d.near, colour), (*at, 0)) for at, colour in parasols)),
-               "striped cones beside the saucer, just below its rim"),
-        Object("garlands", merged(street.garland((-15.4, -7.5, 12.6), (15.4, -7.0, 12.6), 0.9, 24),
-                                  street.garland((-15.4, 10.0, 12.8), (15.4, 10.5, 12.8), 0.7, 24)),
-               "coloured pennants high above: their rows are bows before the sky in the upper hull"),
-        Object("benches", merged(*(placed(street.bench(), (*at, 0), turn) for at, turn in benches)),
-               "slats close together at the island's edge"),
-        Object("cars", merged(*(placed(street.car(d.far, colour), (*at, -city.KERB), turn) for at, turn, colour in cars)),
-               "small coloured boxes parked along the road"),
-    ]  # fmt: skip
+        Object(
+            "lamps",
+            merged(*(placed(street.lamp_post(d.far), (*at, 0)) for at in lamps)),
+            "thin posts, which the hull bends into hooks",
+        ),
+        Object(
+            "parasols",
+            merged(*(placed(street.parasol(d.near, colour), (*at, 0)) for at, colour in parasols)),
+            "striped cones beside the saucer, just below its rim",
+        ),
+        Object(
+            "garlands",
+            merged(
+                street.garland((-15.4, -7.5, 12.6), (15.4, -7.0, 12.6), 0.9, 24),
+                street.garland((-15.4, 10.0, 12.8), (15.4, 10.5, 12.8), 0.7, 24),
+            ),
+            "coloured pennants high above: their rows are bows before the sky in the upper hull",
+        ),
+        Object(
+            "benches",
+            merged(*(placed(street.bench(), (*at, 0), turn) for at, turn in benches)),
+            "slats close together at the island's edge",
+        ),
+        Object(
+            "cars",
+            merged(*(placed(street.car(d.far, colour), (*at, -city.KERB), turn) for at, turn, colour in cars)),
+            "small coloured boxes parked along the road",
+        ),
+    ]
 
 
 def _people(d: Detail) -> list[Object]:
@@ -195,22 +211,39 @@ def _people(d: Detail) -> list[Object]:
         (0.55, 0.22, 0.40),
     ]
     places = [(-3.6, -5.2), (-2.7, -5.7), (3.9, -4.6), (5.2, -1.0), (-5.2, 4.6), (4.6, 5.2)]
-    people = [placed(street.person(d.near, coats[k], ((0.10, 0.12, 0.18), (0.25, 0.20, 0.14))[k % 2], 1.62 + 0.05 * (k % 4)),
-                     (x, y, 0), float(np.degrees(np.arctan2(-y, -x)))) for k, (x, y) in enumerate(places)]  # fmt: skip
+    people = [
+        placed(
+            street.person(d.near, coats[k], ((0.10, 0.12, 0.18), (0.25, 0.20, 0.14))[k % 2], 1.62 + 0.05 * (k % 4)),
+            (x, y, 0),
+            float(np.degrees(np.arctan2(-y, -x))),
+        )
+        for k, (x, y) in enumerate(places)
+    ]
     return [Object("people", merged(*people), "onlookers around the landing place: small upright figures close to the hull")]
 
 
-def _trucks(d: Detail, moving: bool) -> list[Object]:
+def _trucks(d: Detail, *, moving: bool) -> list[Object]:
     n, low = d.near, -city.KERB
     trucks = [
-        ("truck-red", street.box_truck(n, (0.58, 0.05, 0.04), (0.58, 0.05, 0.04), d.body),
-         street.Drive((-9.0, -20.0), 90.0, 7.0, low, straight_m=22.5, radius_m=6.0, turn_deg=-90.0),
-         "a red and white van that comes from the south, passes on the left and turns behind the saucer"),
-        ("truck-tanker", street.tanker(n, (0.06, 0.20, 0.46), (0.06, 0.34, 0.56)),
-         street.Drive((21.0, 11.5), 180.0, 6.5, low), "a tanker that crosses behind the saucer, seen beside its own image"),
-        ("truck-flatbed", street.flatbed(n, (0.82, 0.52, 0.05), d.body),
-         street.Drive((20.0, -14.5), 180.0, 5.5, low), "a yellow lorry behind the camera, seen in the mirror alone"),
-    ]  # fmt: skip
+        (
+            "truck-red",
+            street.box_truck(n, (0.58, 0.05, 0.04), (0.58, 0.05, 0.04), d.body),
+            street.Drive((-9.0, -20.0), 90.0, 7.0, low, straight_m=22.5, radius_m=6.0, turn_deg=-90.0),
+            "a red and white van that comes from the south, passes on the left and turns behind the saucer",
+        ),
+        (
+            "truck-tanker",
+            street.tanker(n, (0.06, 0.20, 0.46), (0.06, 0.34, 0.56)),
+            street.Drive((21.0, 11.5), 180.0, 6.5, low),
+            "a tanker that crosses behind the saucer, seen beside its own image",
+        ),
+        (
+            "truck-flatbed",
+            street.flatbed(n, (0.82, 0.52, 0.05), d.body),
+            street.Drive((20.0, -14.5), 180.0, 5.5, low),
+            "a yellow lorry behind the camera, seen in the mirror alone",
+        ),
+    ]
     return [
         Object(name, mesh, shows, drive) if moving else Object(name, mesh.transformed(drive(STILL_S)), shows)
         for name, mesh, drive, shows in trucks

@@ -75,7 +75,7 @@ def test_a_study_that_is_named_is_run(tmp_path, fake, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = call("run", "mine", "--out", "out")
     assert done.exit_code == 0, done.output
-    command = results.read_command(tmp_path / "out")
+    command = origin.read_command(tmp_path / "out")
     assert command is not None and command["config"] == str(tmp_path / "configs" / "mine.toml")
 
 

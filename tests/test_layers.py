@@ -36,7 +36,7 @@ MAY = {
     "cli": "exits execution platform report speed stability study tables",
     "methods": "api scene kernels",
     "scenes": "scene modelling regime",
-    "scenes.stress": "scene modelling regime scenes measure.completeness",
+    "scenes.stress": "scene modelling regime scenes",
 }
 """What each room may import beside itself: rooms, or single modules of them. `benchharness` alone is for everybody."""
 

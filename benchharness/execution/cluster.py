@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from benchharness.execution import supervisor
+from benchharness.execution import attempt, supervisor
 from benchharness.study.config import Job
 
 CONNECT_S = 15.0
@@ -45,7 +45,7 @@ def connected(address: str, tell: Callable[[str], None]) -> Iterator[Any]:
         yield client
 
 
-def execute_on(client: Any, setting: supervisor.Setting, tasks: Sequence[tuple[int, Job, supervisor.Past]]) -> Iterator[dict]:
+def execute_on(client: Any, setting: attempt.Setting, tasks: Sequence[tuple[int, Job, supervisor.Past]]) -> Iterator[dict]:
     """Lines of the journal, as the jobs end. Where one was lost, with its machine or with the scheduler, a note says so."""
     from distributed import as_completed  # pyright: ignore[reportMissingImports]
 
@@ -63,6 +63,6 @@ def execute_on(client: Any, setting: supervisor.Setting, tasks: Sequence[tuple[i
             yield from lines
 
 
-def _whole(number: int, job: Job, setting: supervisor.Setting, past: supervisor.Past) -> list[dict]:
+def _whole(number: int, job: Job, setting: attempt.Setting, past: supervisor.Past) -> list[dict]:
     """On a machine of the cluster: a job from beginning to end."""
     return list(supervisor.execute(number, job, setting, past))

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import os
 import platform as machine
-import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,8 +25,6 @@ PROBED = ("llvm_ad_rgb", "cuda_ad_rgb", "scalar_rgb")
 NEEDED = ("method", "cache", "lock")
 """What every study needs beside a variant."""
 TIMEOUT_S = 180.0
-CAME_OUT_RIGHT = "a kernel and a picture came out right"
-"""The child's last word; an end without it, with code 0 too, is none."""
 SUM = 28.0
 """What the kernel adds up, see `_kernel`."""
 
@@ -112,18 +110,30 @@ def _broken_plugins() -> Iterator[Diagnosis]:
 
 def _variant(name: str) -> Diagnosis:
     library = platform.use_llvm()
-    command = [sys.executable, "-P", "-m", "benchharness.execution.doctor", name]
+    with tempfile.TemporaryDirectory(prefix="benchharness-") as folder:
+        child = processes.Child("benchharness.execution.doctor", name, str(os.getpid()), log=Path(folder) / "log")
+        try:
+            works, seen = _heard(child)
+        finally:
+            child.end()
+    return Diagnosis(name, works, seen, None if works else _mend(name, library))
+
+
+def _heard(child: processes.Child) -> tuple[bool, str]:
+    """Whether a variant works, and what was seen of it. A child that ends without a word, with code 0 too, says that it does
+    not; so does one that ends otherwise after its word."""
+    said, deadline = {}, time.monotonic() + TIMEOUT_S
     try:
-        child = subprocess.run(
-            command, capture_output=True, text=True, errors="replace", timeout=TIMEOUT_S, env=processes.surroundings()
-        )  # fmt: skip
-    except subprocess.TimeoutExpired:
-        return Diagnosis(name, False, f"no answer within {TIMEOUT_S:g} s", _mend(name, library))
-    lines = [line.strip() for line in (child.stdout + child.stderr).splitlines() if line.strip()]
-    if child.returncode == 0 and CAME_OUT_RIGHT in child.stdout:
-        return Diagnosis(name, True, child.stdout.strip())
-    cause = processes.cause(child.returncode)
-    return Diagnosis(name, False, f"{cause}: {lines[-1] if lines else 'no word'}", _mend(name, library))
+        while (line := child.next(deadline - time.monotonic())) is not None:
+            said |= line
+    except TimeoutError:
+        return False, f"no answer within {TIMEOUT_S:g} s"
+    except ValueError as error:
+        return False, str(error)
+    cause = child.cause()
+    if cause == "exit code 0" and "works" in said:
+        return True, str(said["works"])
+    return False, f"{cause}: {said.get('fails') or child.words() or 'no word'}"
 
 
 def _mend(name: str, library: str | None) -> str | None:
@@ -157,7 +167,7 @@ def probe(variant: str) -> str:
     if not (abs(sky - 1.0) < 1e-3 and abs(ball - 0.5) < 0.05):
         raise RuntimeError(f"the picture shows sky {sky:.3f} and ball {ball:.3f} instead of 1 and 0.5")
     where = f", LLVM at {library or 'a place of the system'}" if variant.startswith("llvm") else ""
-    return f"{CAME_OUT_RIGHT} (mitsuba {mi.__version__}{where})"
+    return f"a kernel and a picture came out right (mitsuba {mi.__version__}{where})"
 
 
 def _kernel() -> float:
@@ -192,9 +202,16 @@ def _looking_down_z():
     return mi.ScalarTransform4f().look_at(origin=[0, 0, 4], target=[0, 0, 0], up=[0, 1, 0])
 
 
-if __name__ == "__main__":
+def main(variant: str, parent: int) -> None:
+    """In the child: one line, {"works": ...} or {"fails": ...}."""
+    say = processes.channel()
+    processes.end_with_parent(parent)
     try:
-        print(probe(sys.argv[1]))
-    except Exception as error:
-        print(error.__cause__ or error, file=sys.stderr)
+        say({"works": probe(variant)})
+    except Exception as error:  # whatever Dr.Jit and Mitsuba may raise
+        say({"fails": str(error.__cause__ or error)})
         sys.exit(1)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], int(sys.argv[2]))

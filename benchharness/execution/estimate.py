@@ -43,7 +43,7 @@ def _of_job(config: Config, job: Job, frames: int) -> float:
     return SCENE_S + segments / SEGMENTS_PER_S + frames * len(job.entries) * row_s
 
 
-def agreed(what: str, seconds: float, yes: bool, tell: Callable[[str], None]) -> None:
+def agreed(what: str, seconds: float, tell: Callable[[str], None], *, yes: bool) -> None:
     """Tells what will be done. Raises ValueError where that takes too long and was not agreed to."""
     if seconds > TOO_LONG_S and not yes:
         raise ValueError(f"{what} take about {in_words(seconds)}; accepted: fewer of them, or --yes to begin all the same")

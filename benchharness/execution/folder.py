@@ -43,7 +43,7 @@ def stamped(name: str) -> Path:
 
 
 @contextmanager
-def opened(name: str, out: Path | None, plan: dict[str, Any], resume: bool) -> Iterator[Path]:
+def opened(name: str, out: Path | None, plan: dict[str, Any], *, resume: bool) -> Iterator[Path]:
     """A run's folder, which no other process fills in the meantime.
 
     name    of the study

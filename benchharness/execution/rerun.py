@@ -40,7 +40,7 @@ class Installation:
     folder: Path
 
     def environment(self) -> dict[str, str]:
-        return {**os.environ, "PYTHONPATH": os.pathsep.join(self.path)}
+        return processes.surroundings(self.path)
 
     def home(self) -> str:
         """The folder that its harness is imported from. Raises ValueError where there is none."""

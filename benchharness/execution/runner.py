@@ -19,7 +19,7 @@ from typing import Annotated, Any, Literal, Protocol
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from benchharness import platform
-from benchharness.execution import estimate, folder, supervisor
+from benchharness.execution import attempt, estimate, folder, supervisor
 from benchharness.execution.folder import Journal
 from benchharness.exits import Exit
 from benchharness.study.config import Config, Job
@@ -73,14 +73,14 @@ def run(
         else:
             platform.see_machine_lock()
         if not resume:
-            estimate.agreed(*estimate.of_run(config, [len(job.frames) for job in config.jobs]), yes, listener.note)
-        place = held.enter_context(folder.opened(config.name, out, plan, resume))
+            estimate.agreed(*estimate.of_run(config, [len(job.frames) for job in config.jobs]), listener.note, yes=yes)
+        place = held.enter_context(folder.opened(config.name, out, plan, resume=resume))
         journal = Journal(place / folder.JOURNAL)
         lines = _checked(config, journal)
         tasks = [*_again(config, lines, place / folder.IMAGES, listener), *_tasks(config, _pasts(config, lines))]
         if resume:
             left = [sum(task.left for task in tasks if task.number == n) for n in range(len(config.jobs))]
-            estimate.agreed(*estimate.of_run(config, left), yes, listener.note)
+            estimate.agreed(*estimate.of_run(config, left), listener.note, yes=yes)
         setting = _setting(config, place, plan["environment"], bench or BENCH)
         for line in _lines(tasks, setting, listener, client):
             if "note" in line:
@@ -200,7 +200,7 @@ def _last(lines: Iterable[dict]) -> dict[tuple[int, int], dict]:
     return {place: found[place] for place in sorted(found)}
 
 
-def _lines(tasks: Sequence[Task], setting: supervisor.Setting, listener: Listener, client: Any) -> Iterator[dict]:
+def _lines(tasks: Sequence[Task], setting: attempt.Setting, listener: Listener, client: Any) -> Iterator[dict]:
     """New lines of the journal: task after task on this machine, or as they come from a cluster."""
     if client is not None:
         from benchharness.execution.cluster import execute_on
@@ -226,7 +226,7 @@ def _plan(config: Config, environment: str) -> dict[str, Any]:
     }
 
 
-def _setting(config: Config, place: Path, environment: str, bench: str) -> supervisor.Setting:
+def _setting(config: Config, place: Path, environment: str, bench: str) -> attempt.Setting:
     run, reference = config.run, config.reference
     document = {
         "variant": run.variant,
@@ -244,7 +244,7 @@ def _setting(config: Config, place: Path, environment: str, bench: str) -> super
         "config_hash": config.config_hash,
         "environment": environment,
     }
-    return supervisor.Setting(document, columns, config.method_hashes, str(place.resolve()), run.timeout_s)
+    return attempt.Setting(document, columns, config.method_hashes, str(place.resolve()), run.timeout_s)
 
 
 def _pasts(config: Config, lines: Iterable[dict]) -> list[supervisor.Past]:

@@ -19,50 +19,14 @@ taken up (`again`: true, and in a frame the entries of which that holds).
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import time
 from collections import deque
-from collections.abc import Collection, Generator, Iterator, Sequence
-from dataclasses import asdict, dataclass, field
-from pathlib import Path
-from typing import Any
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 
-from benchharness import processes
+from benchharness.execution import attempt
+from benchharness.execution.attempt import Ending, Setting
 from benchharness.study.config import Job
 from benchharness.study.methods import Entry
-
-LAST_WORDS_S = 30.0
-"""How long a worker may take to end after it closed its stdout."""
-WORDS = {
-    "out": {"entry", "status", "reason"},
-    "ready": set(),
-    "start": {"frame"},
-    "watch": {"entry"},
-    "waits": {"text"},
-    "frame": {"frame", "records", "samples", "pictures"},
-    "failed": {"reason", "machine"},
-    "done": set(),
-}
-"""What a worker may say, see `benchharness.execution.worker`."""
-
-
-@dataclass(frozen=True)
-class Setting:
-    """What all jobs of a run have in common.
-
-    document  the part of the worker's job file that all share: variant, size, reference, seed, rounds, bench
-    columns   columns of results.csv that all rows share
-    hashes    Entry.key -> method_hash
-    folder    run folder: the worker's log and job file go there, its pictures to images/
-    """
-
-    document: dict[str, Any]
-    columns: dict[str, Any]
-    hashes: dict[str, str]
-    folder: str
-    timeout_s: float
 
 
 @dataclass
@@ -71,28 +35,6 @@ class Past:
 
     done: set[int] = field(default_factory=set)
     out: dict[str, dict] = field(default_factory=dict)
-
-
-@dataclass
-class _Ending:
-    """How a worker ended.
-
-    entry    in flight, "" for none
-    frame    in flight, None before the first
-    reason   what it died of; None if it did its work
-    status   of the rows that it costs
-    machine  whether files or devices were the reason
-    """
-
-    entry: str = ""
-    frame: int | None = None
-    reason: str | None = None
-    status: str = "crashed"
-    machine: bool = False
-
-    @property
-    def columns(self) -> dict[str, Any]:
-        return {"status": self.status, "reason": self.reason}
 
 
 def execute(number: int, job: Job, setting: Setting, past: Past) -> Iterator[dict]:
@@ -136,8 +78,8 @@ class _Execution:
                 for frame in list(self.left):
                     yield self._done(frame, [], [], {})
                 return
-            ending = _Ending()
-            for event in _worker(self.number, self.job, self.setting, entries, self.left, ending):
+            ending = Ending()
+            for event in attempt.events(self.number, self.job, self.setting, entries, self.left, ending):
                 if event["event"] == "out":
                     yield self._leaves(event["entry"], {"status": event["status"], "reason": event["reason"]})
                 elif event["event"] == "waits":
@@ -151,7 +93,7 @@ class _Execution:
     def _within(self, entries: Sequence[Entry]) -> list[Entry]:
         return [entry for entry in entries if entry.key not in self.out]
 
-    def _after(self, ending: _Ending) -> Iterator[dict]:
+    def _after(self, ending: Ending) -> Iterator[dict]:
         """What a worker's end costs."""
         everyone = [entry.key for entry in self._within(self.job.entries)]
         if ending.status == "timeout":
@@ -167,7 +109,7 @@ class _Execution:
         else:
             yield from self._in_halves(ending.frame)
 
-    def _first(self, ending: _Ending) -> bool:
+    def _first(self, ending: Ending) -> bool:
         """Whether a worker's death is the first of its kind, so that it may have been anybody's. Waiting in vain is not."""
         strike = ending.frame, ending.entry
         known = strike in self.strikes
@@ -180,8 +122,8 @@ class _Execution:
         records, samples, pictures, dead = [], [], {}, {}
         parts = deque(_halves(entries))
         while parts:
-            part, ending, done = parts.popleft(), _Ending(), False
-            for event in _worker(self.number, self.job, self.setting, part, [frame], ending):
+            part, ending, done = parts.popleft(), Ending(), False
+            for event in attempt.events(self.number, self.job, self.setting, part, [frame], ending):
                 if event["event"] == "out":
                     yield self._leaves(event["entry"], {"status": event["status"], "reason": event["reason"]})
                     continue
@@ -207,7 +149,7 @@ class _Execution:
             for key, columns in dead.items():
                 yield self._leaves(key, columns, again=True)
 
-    def _leaves(self, key: str, columns: dict, again: bool = False) -> dict:
+    def _leaves(self, key: str, columns: dict, *, again: bool = False) -> dict:
         """The line that says that an entry gets no more frames."""
         self.out[key] = columns
         if again:
@@ -257,100 +199,3 @@ def _halves(entries: list[Entry]) -> list[list[Entry]]:
 
 def _about(entry: Entry) -> dict[str, str]:
     return {"method": entry.method, "params": entry.params_text}
-
-
-def _worker(
-    number: int, job: Job, setting: Setting, entries: list[Entry], frames: Collection[int], ending: _Ending
-) -> Iterator[dict]:
-    """The "out", "frame" and "waits" events of one worker; how it ended is left in `ending`."""
-    folder = Path(setting.folder)
-    job_file, log = folder / f"job-{number}.json", folder / f"worker-{number}.log"
-    document = {
-        **setting.document,
-        "scene": asdict(job.scene),
-        "entries": [asdict(entry) for entry in entries],
-        "frames": list(frames),
-        "images": job.images,
-        "out": str(folder / "images"),
-        "parent": os.getpid(),
-    }
-    job_file.write_text(json.dumps(document), encoding="utf-8")
-    with open(log, "ab") as stream:
-        start = stream.tell()
-        process = processes.start("benchharness.execution.worker", str(job_file), log=stream)
-    try:
-        failed = yield from _events(process, setting.timeout_s, {entry.key for entry in entries}, set(frames), ending)
-        if failed == "":
-            failed = f"the worker ended with {_code(process)} before its work was done"
-        if failed is not None:
-            where = "" if ending.entry else " outside any method"
-            quoted = processes.tail(log, start)
-            ending.reason = f"{failed}{where}" + (f": {quoted}" if quoted else "") + f" (see {log.name})"
-    finally:
-        processes.end(process)
-        job_file.unlink(missing_ok=True)
-
-
-def _code(process: subprocess.Popen) -> str:
-    try:
-        return processes.cause(process.wait(timeout=LAST_WORDS_S))
-    except subprocess.TimeoutExpired:
-        return "a closed channel"
-
-
-def _events(
-    process: subprocess.Popen, timeout_s: float, entries: set[str], frames: set[int], ending: _Ending
-) -> Generator[dict, None, str | None]:
-    """Yields "out", "frame" and "waits"; follows the rest. Returns what went wrong, "" for a mere end, None if all is done."""
-    assert process.stdout is not None
-    lines = processes.Lines(process.stdout)
-    deadline: float | None = time.monotonic() + timeout_s
-    waits_for = "the preparation of the scene"
-    while True:
-        try:
-            event = lines.next(None if deadline is None else deadline - time.monotonic())
-            if event is None:
-                return ""
-            _check(event, entries, frames)
-        except TimeoutError:
-            ending.status = "timeout"
-            return f"{waits_for} took more than {timeout_s:g} s"
-        except ValueError as error:
-            return str(error)
-        match event["event"]:
-            case "done":
-                return "the worker said that it had done what it had not" if frames and entries else None
-            case "watch":
-                ending.entry = event["entry"]
-            case "failed":
-                ending.machine = bool(event["machine"])
-                return event["reason"]
-            case "ready":
-                deadline = time.monotonic() + timeout_s
-                ending.frame = min(frames)
-            case "start":
-                deadline, waits_for = time.monotonic() + timeout_s, f"frame {event['frame']}"
-                ending.frame = event["frame"]
-            case "waits":
-                deadline = None
-                yield event
-            case "out":
-                entries.discard(event["entry"])
-                yield event
-            case "frame":
-                frames.discard(event["frame"])
-                ending.frame = min(frames, default=None)
-                yield event
-
-
-def _check(event: dict, entries: set[str], frames: set[int]) -> None:
-    """Raises ValueError for what a worker does not say, such as a plugin that writes on its channel."""
-    kind = event.get("event")
-    known = kind in WORDS and WORDS[kind] <= set(event)
-    known = known and event.get("entry", "") in entries | {""} and ("frame" not in event or event["frame"] in frames)
-    if known and kind == "frame":
-        records, samples = event["records"], event["samples"]
-        known = all(isinstance(row, dict) and row.get("entry") in entries for row in records)
-        known = known and len(records) == len(entries) and all(s.get("entry") in entries | {""} for s in samples)
-    if not known:
-        raise ValueError(f"the worker said what nobody understands: {json.dumps(event)[:80]}")

@@ -24,6 +24,7 @@ import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -86,17 +87,12 @@ def _work(job: dict[str, Any], say: Callable[[dict], None]) -> None:
     methods = {}
     for entry in (Entry(**values) for values in job["entries"]):
         watch(entry.key)
-        method = entry.build()
-        try:
-            refusal, status = contract.refusal(method, scene), "refused"
-        except BaseException as error:  # a plugin may raise what is no Exception
-            traceback.print_exc()
-            refusal, status = f"refuses: {contract.account(error)}", "crashed"
+        method = contract.made(entry.build, scene)
         watch("")
-        if refusal is None:
-            methods[entry.key] = method
+        if isinstance(method, contract.Out):
+            say({"event": "out", "entry": entry.key, **asdict(method)})
         else:
-            say({"event": "out", "entry": entry.key, "status": status, "reason": refusal})
+            methods[entry.key] = method
     if not methods:
         return
 

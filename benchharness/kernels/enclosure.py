@@ -40,9 +40,9 @@ def enclosed(scene: SceneLike) -> tuple[bool, ...]:
         held = bool(((o > low) & (o < high)).all())
         if held:
             # A device is needed only here: scenes without walls around anything never ask for one.
-            from benchharness.kernels import hierarchy
+            from benchharness.kernels import mitsuba_mesh
 
-            traced = hierarchy.ray_scene(vertices, faces) if traced is None else traced
+            traced = mitsuba_mesh.scene(vertices, faces) if traced is None else traced
             held = _all_meet(traced, o, d) and _all_meet(traced, *_rays(scene, reflector, RAYS))
         answers.append(held)
     return tuple(answers)

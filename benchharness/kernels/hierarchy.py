@@ -23,7 +23,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from benchharness.kernels import geometry
+from benchharness.kernels import geometry, mitsuba_mesh
 
 Way = Literal["anew", "bodies"]
 ANEW, BODIES = "anew", "bodies"
@@ -73,16 +73,6 @@ class Meeting:
     weights: mi.Vector3f
 
 
-def ray_scene(vertices: np.ndarray, faces: np.ndarray, robust: bool = True):
-    """A Mitsuba scene of one mesh [V, 3], [F, 3]."""
-    mesh = mi.Mesh("surface", len(vertices), len(faces))
-    params = mi.traverse(mesh)
-    params["vertex_positions"] = mi.Float(np.asarray(vertices, np.float32).ravel())
-    params["faces"] = mi.UInt32(np.asarray(faces, np.uint32).ravel())
-    params.update()
-    return mi.load_dict({"type": "scene", "embree_use_robust_intersections": robust, "surface": mesh})
-
-
 def of_scene(scene, triangles: geometry.Geometry, time: float, way: Way = BODIES, robust: bool = True) -> Hierarchies:
     """Those of a `benchharness.scene.Scene` as it stands at `time`; `triangles`: its parts, in object space."""
     poses = mi.Float(np.asarray(scene.poses(time), np.float32).ravel())
@@ -102,7 +92,7 @@ def of_scene(scene, triangles: geometry.Geometry, time: float, way: Way = BODIES
         high = mi.Point3f(*map(float, points[used].max(axis=0) + margin))
         still = anew or motions[group[0]] is None
         tree = Tree(
-            ray_scene(points[used], corners.reshape(-1, 3), robust),
+            mitsuba_mesh.scene(points[used], corners.reshape(-1, 3), robust=robust),
             mi.UInt32(first),
             None if still else mi.UInt32(group[0]),
             low,

@@ -1,9 +1,13 @@
-"""From the pixels that show mirrors, one lane each, to all pixels of the picture."""
+"""Pixels: from those that show mirrors, one lane each, to the whole picture; and how many of them are too far."""
 
 from __future__ import annotations
 
 import drjit as dr
 import mitsuba as mi
+
+WRONG_PX = 2.0
+"""On the screen: what is shown further off than this is the wrong point, and not the right one less exactly. Searches end in
+triangles and texels about a pixel wide, which leaves a pixel for what is interpolated between them."""
 
 
 def spread(values: list, lanes: mi.UInt32, view) -> list:

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from benchharness.api import Frame, Method, Reflection, Vertices
-from benchharness.measure import contract, metrics, timing, truth
+from benchharness.api import Frame, Method, Vertices
+from benchharness.measure import contract, host, metrics, points, runup, status, timing
 from benchharness.measure.entry import Entry, guarded
 from benchharness.measure.rounds import Rounds, kept
 from benchharness.regime import Seen
@@ -28,13 +28,7 @@ from benchharness.render.ready import ready
 from benchharness.scene import Scene, refined
 from benchharness.tables import naming, parameters
 
-RUN_UP = 2  # frames shaded before the one that is measured; jitter is a second difference and needs both
-VERTEX_SAMPLE = 150  # vertices per reflector whose true reflection point is solved for
-WRONG_PX = 2.0  # further off than this is the wrong point, not an inaccurate one
 DARK = 3e-4  # of display white: the first step of eight bits in sRGB
-MOSTLY = 0.5  # of the mirrors' pixels
-OTHER_MASK = 0.02  # share of the mirrors' pixels that may be a mirror's in one of frame and reference alone, and
-OTHER_MASK_PX = 32  # as many always may: edges run through pixels' centres
 
 
 class Bench:
@@ -85,9 +79,9 @@ class Bench:
         records = []
         for name, entry in entries.items():
             if entry.broken is not None:
-                records.append({"entry": name, **_crashed(entry), **shared})
+                records.append({"entry": name, **status.crashed(entry), **shared})
                 continue
-            record = _trusted(_sound({**measured[name], **shared}, kept(entry, frames[-1])))
+            record = status.trusted(status.sound({**measured[name], **shared}, kept(entry, frames[-1])))
             records.append({"entry": name, **record, **self._clocks(entry, frames, common)})
         if self.out is not None:
             whole = {name: pictures[name] for name, entry in entries.items() if entry.broken is None}
@@ -103,14 +97,14 @@ class Bench:
         with guarded(name, entry, lambda entry: None):
             entry.begin()
             self._run_up(entry, frames)
-            record = _sound({**self._measured(entry, frames, references), **facts}, None)
+            record = status.sound({**self._measured(entry, frames, references), **facts}, None)
             seen = self._seen(entry, frames[-1], references[-1], record)
         self._harmed(entry, frames, prints)
-        return (record, seen) if entry.broken is None else ({**_crashed(entry), **facts}, None)
+        return (record, seen) if entry.broken is None else ({**status.crashed(entry), **facts}, None)
 
     def _frames(self, index: int) -> tuple[list[Frame], list[reference.Reference]]:
         """A frame with its run-up, and the references of the last two."""
-        chain = run_up(index, self.scene.frames)
+        chain = runup.numbers(index, self.scene.frames)
         frames = [self.renderer.render(i) for i in chain]
         return frames, [
             reference.render(self.scene, self.scene.time(i), self.size, self.options, self.seed) for i in chain[-2:]
@@ -120,17 +114,11 @@ class Bench:
         """Prepares where that is still to do, and shades the frames in order, the last one included."""
         if entry.state is None:
             entry.state, entry.prepare_ms = timing.timed(lambda: entry.method.prepare(self.scene))
-        entry.outdated = entry.state
-        state, _ = contract.updated(entry.method, entry.state, frames[0])
-        for previous, frame in zip([None, *frames], frames, strict=False):
-            if previous is not None and self.scene.moves(previous.time, frame.time):
-                entry.outdated = state
-                state, _ = contract.updated(entry.method, state, frame)
-            entry.before = state
-            reflection, state, ms = contract.shaded(entry.method, state, frame, self.scene)
-            entry.first_ms = ms if entry.first_ms is None else entry.first_ms
-            image = self._picture(self.renderer.compose(frame, reflection.L))
-            entry.shown.append((image, reflection))
+        for step in runup.carried(self.scene, entry.method, entry.state, frames):
+            entry.outdated, entry.before = step.outdated, step.before
+            entry.first_ms = step.ms if entry.first_ms is None else entry.first_ms
+            image = self.renderer.compose(step.frame, step.reflection.L)
+            entry.shown.append((host.image(image, step.frame), step.reflection))
 
     def _harmed(self, entry: Entry, frames: list[Frame], prints: list[dict[str, int]]) -> bool:
         """Whether a method wrote into the memory of `frames`, whose fingerprints were `prints`; it is out then, and what
@@ -142,9 +130,6 @@ class Bench:
         self.renderer = FrameRenderer(self.scene, *self.size)
         return True
 
-    def _picture(self, image: Any) -> np.ndarray:
-        return np.array(image, np.float32).T.reshape(self.size[1], self.size[0], 3)
-
     def _facts(self, frames: list[Frame], references: list[reference.Reference]) -> dict:
         """The measured columns of one row that no method has a part in."""
         truth_ = references[-1]
@@ -152,7 +137,7 @@ class Bench:
         return {
             "reflector_px": len(frames[-1].pixels),
             "reference_px": int(truth_.mask.sum()),
-            "mask_diff_px": int((truth_.mask ^ np.array(frames[-1].active).reshape(truth_.mask.shape)).sum()),
+            "mask_diff_px": int((truth_.mask ^ host.plane(frames[-1].active, frames[-1])).sum()),
             "dark_px": int((truth_.mask & black).sum()),
             "back_px": int((truth_.mask & truth_.back).sum()),
             "reference_spp": truth_.spp,
@@ -182,11 +167,8 @@ class Bench:
 
     def _errors(self, entry: Entry, frames: list[Frame], references: list) -> dict:
         image, reflection = entry.shown[-1]
-        truth_ = references[-1]
-        shape = truth_.mask.shape
-        mask = truth_.mask & np.array(frames[-1].active).reshape(shape)
-        found = np.broadcast_to(np.array(reflection.found), mask.size).reshape(shape)
-        distance = np.broadcast_to(np.array(reflection.distance), mask.size).reshape(shape)
+        truth_, said = references[-1], host.answer(frames[-1], reflection)
+        mask, found, distance = truth_.mask & said.mirror, said.found, said.distance
         seen_at = {"ppd": self.scene.ppd, "exposure": self.scene.exposure}
         entry.error = metrics.flip_map(image, truth_.image, mask, **seen_at)
         record: dict[str, Any] = metrics.evaluate(image, truth_.image, mask, **seen_at, found=found, error=entry.error)
@@ -194,36 +176,34 @@ class Bench:
         record["distance_err"] = metrics.distance_error(distance, truth_.distance, mask & found)
         record["nonfinite_px"] += int(((np.isnan(distance) | (distance < 0)) & mask & found).sum())
         if len(references) > 1:
-            both = mask & references[0].mask & np.array(frames[-2].active).reshape(shape)
+            both = mask & references[0].mask & host.plane(frames[-2].active, frames[-2])
             pictures = (entry.shown[-2][0], image, references[0].image, truth_.image)
             record["temporal_diff"] = metrics.temporal_diff(*pictures, both)
         if reflection.vertices is not None:
-            record |= self._vertices(entry, frames)
+            answers = [reflection for _, reflection in entry.shown]
+            record |= points.errors(self.scene, self.size, frames, answers)
         return record
 
     def _seen(self, entry: Entry, frame: Frame, truth_: reference.Reference, record: dict) -> Seen:
-        """The last frame that `entry` showed, beside the reference; lengths and places as the scene's author has them.
-
-        What a method leaves at pixels without a mirror may be anything, and differ from call to call: it is not shown.
-        """
+        """The last frame that `entry` showed, beside the reference; lengths and places as the scene's author has them."""
         image, reflection = entry.shown[-1]
-        unit = self.scene.unit
-        shape = truth_.mask.shape
-        active = np.array(frame.active).reshape(shape)
-        mask = truth_.mask & active
-        found, doubt, distance = (
-            np.where(active, np.broadcast_to(np.array(a), mask.size).reshape(shape), nothing)
-            for a, nothing in (
-                (reflection.found, False),
-                (False if reflection.doubt is None else reflection.doubt, False),
-                (reflection.distance, np.float32(np.inf)),
-            )
-        )
+        said, unit = host.answer(frame, reflection), self.scene.unit
         assert entry.error is not None
         return Seen(
-            image, truth_.image, mask, truth_.reflector, found, doubt, unit * distance, unit * truth_.distance, entry.error,
-            None if reflection.vertices is None else self._arrays(reflection.vertices), record, self.given, frame.time,
-        )  # fmt: skip
+            image=image,
+            truth=truth_.image,
+            mask=truth_.mask & said.mirror,
+            reflector=truth_.reflector,
+            found=said.found,
+            doubt=said.doubt,
+            distance=unit * said.distance,
+            length=unit * truth_.distance,
+            error=entry.error,
+            vertices=None if reflection.vertices is None else self._arrays(reflection.vertices),
+            record=record,
+            scene=self.given,
+            time=frame.time,
+        )
 
     def _arrays(self, vertices: Vertices) -> dict[str, Any]:
         """The fields as arrays [N] or [N, 3]; of `further`, a list of such."""
@@ -237,47 +217,6 @@ class Bench:
         one_bounce = self.options.lighting == "baked" and self.options.depth <= 2
         mean = None if one_bounce or not second.any() else float(error[second].astype(np.float64).mean())
         return {"second_px": int(second.sum()), "flip_second": mean}
-
-    def _vertices(self, entry: Entry, frames: list[Frame]) -> dict:
-        """What the reflection points found are worth: screen distances to the true ones, of a sample of vertices."""
-        found = entry.shown[-1][1].vertices
-        assert found is not None
-        count = self.scene.vertices
-        iterations = np.array(found.iterations)
-        searched = iterations > 0
-        converged = np.array(found.converged)
-        record: dict[str, Any] = {
-            "iterations_mean": float(iterations[searched].mean()) if searched.any() else None,
-            "iterations_max": int(iterations.max()) if searched.any() else None,
-            "converged_ratio": converged_share(converged, np.array(found.region), iterations),
-        }
-        off, errors = [], []
-        for number in range(len(self.scene.reflectors)):
-            here = np.flatnonzero(converged[number * count : (number + 1) * count])
-            if not len(here):
-                continue
-            sample = here[:: max(1, len(here) // VERTEX_SAMPLE)]
-            tracks = [self._off(f, shown[1], number, sample) for f, shown in zip(frames, entry.shown, strict=True)]
-            off.append(tracks[-1][0])
-            errors.append(np.stack([track[1] for track in tracks]))
-        if off:
-            distance = np.concatenate(off)
-            known = distance[np.isfinite(distance)]
-            record["residual_px"] = float(np.median(known)) if len(known) else None
-            record["residual_px_max"] = float(known.max()) if len(known) else None
-            record["wrong_ratio"] = float((known > WRONG_PX).mean()) if len(known) else None
-            if len(frames) == RUN_UP + 1:
-                record["jitter_px"] = metrics.jitter_px(np.concatenate(errors, axis=1))
-        return record
-
-    def _off(self, frame: Frame, reflection: Reflection, number: int, sample: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Pixels between found and true R [N], and V' on the screen less the true one's [N, 2]; NaN where none is known."""
-        lanes = number * self.scene.vertices + sample
-        assert reflection.vertices is not None
-        R, virtual = (np.array(a, np.float64).T[lanes] for a in (reflection.vertices.R, reflection.vertices.virtual))
-        usable = np.array(reflection.vertices.converged)[lanes]
-        seen = truth.roots(self.scene, frame.time, self.size, number, sample, R, virtual, usable)
-        return np.linalg.norm(seen.found - seen.true, axis=1), seen.virtual - seen.image
 
     def _pictures(self, entry: Entry) -> dict[str, np.ndarray]:
         """What the method shows, and its error map, kind -> uint8 [H, W, 3]."""
@@ -302,47 +241,6 @@ class Bench:
 
 def _prints(frames: list[Frame]) -> list[dict[str, int]]:
     return [contract.fingerprint(frame) for frame in frames]
-
-
-def _crashed(entry: Entry) -> dict:
-    return {"status": "crashed", "reason": entry.broken}
-
-
-def _sound(measured: dict, kept: str | None) -> dict:
-    """The record with its status: "invalid" for a picture that is none, or whose time is not the time of making it."""
-    if measured["nonfinite_px"]:
-        kept = f"{measured['nonfinite_px']} pixels are NaN, infinite or negative"
-    return {"status": "ok", **measured} if kept is None else {"status": "invalid", "reason": kept, **measured}
-
-
-def _trusted(record: dict) -> dict:
-    """The record, its status "invalid" where its errors are against nothing that a method could be judged by."""
-    if record["status"] != "ok":
-        return record
-    shown, union = record["reference_px"], max(record["reflector_px"], record["reference_px"])
-    reason = None
-    if record["mask_diff_px"] > OTHER_MASK_PX + OTHER_MASK * union:
-        both = f"frame ({record['reflector_px']}) and reference ({shown})"
-        reason = f"{record['mask_diff_px']} pixels are a mirror's in only one of {both}"
-    elif record["dark_px"] > MOSTLY * shown:
-        reason = f"the reference is black in {record['dark_px']} of the mirrors' {shown} pixels"
-    elif record["back_px"] > MOSTLY * shown:
-        reason = f"{record['back_px']} of the mirrors' {shown} pixels show backs of objects, which have no light of their own"
-    return record if reason is None else record | {"status": "invalid", "reason": reason}
-
-
-def converged_share(converged: np.ndarray, region: np.ndarray, iterations: np.ndarray) -> float | None:
-    """Share that converged of the vertices that were searched and are not hidden, None if there are none; [N] each, as in
-    `benchharness.api.Vertices`. A search that came to nothing leaves its vertex in region 0."""
-    counted = (region == 1) | ((region == 0) & (iterations > 0))
-    return float(converged[counted].mean()) if counted.any() else None
-
-
-def run_up(index: int, frames: int) -> list[int]:
-    """Frames to shade in order, `index` last: those just before it, or, at the start of the animation, those just after."""
-    if index >= RUN_UP:
-        return [index - 2, index - 1, index]
-    return [i for i in (index + 2, index + 1) if i < frames] + [index]
 
 
 def _samples(entries: dict[str, Entry], common: dict[str, list[float]]) -> Iterator[dict]:

@@ -10,13 +10,13 @@ from functools import lru_cache
 
 import numpy as np
 
+from benchharness.kernels.pixels import WRONG_PX
 from benchharness.measure import truth
 from benchharness.modelling import winding
 from benchharness.regime import Seen
 from benchharness.scene import Scene
 
 SAMPLE = 40  # vertices per mirror; one costs two passes over the mirror's triangles
-FOUND_PX = 2.0  # further off than this is another point
 REFLECTED = 1  # benchharness.api.Vertices.region
 
 
@@ -37,7 +37,7 @@ def counted(seen: Seen) -> tuple[int, int] | None:
             at = truth.on_screen(true[is_shown], camera, width, height)
             at = at[((at >= 0) & (at < [width, height])).all(axis=1)]
             total += len(at)
-            found += sum(bool((np.linalg.norm(own - one, axis=1) < FOUND_PX).any()) for one in at)
+            found += sum(bool((np.linalg.norm(own - one, axis=1) < WRONG_PX).any()) for one in at)
     return found, total
 
 
@@ -51,11 +51,12 @@ def _true(scene: Scene, time: float) -> list[tuple[np.ndarray, list[np.ndarray],
     for reflector in scene.reflectors:
         mesh = reflector.mesh.transformed(reflector.pose(time))
         both = reflector.closed is None and not winding.is_closed(mesh)
-        found.append((chosen, *truth.every_reflection_point(mesh.vertices, mesh.normals, mesh.faces, eye, V, both)))
+        found.append((chosen, *truth.every_reflection_point(mesh.vertices, mesh.normals, mesh.faces, eye, V, both_sides=both)))
     return found
 
 
 def missing(seen: Seen) -> float | None:
-    """Share of the reflections that the eye can see and the method has not found; None where there is nothing to count."""
+    """Share of the reflections that the eye can see and the method has not found; None where there is nothing to count. What
+    `regime.MISSING` names."""
     both = counted(seen)
     return None if both is None or both[1] == 0 else 1.0 - both[0] / both[1]

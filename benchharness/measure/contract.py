@@ -6,8 +6,10 @@ inside of what takes an exception for that method's own.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
+import contextlib
+import traceback
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
 import drjit as dr
@@ -40,7 +42,7 @@ def fingerprint(frame: Frame) -> dict[str, int]:
 
 
 def _leaves(value: Any) -> Iterator[mi.UInt32 | int]:
-    """Of each array in a tree of them its width, and the sum of its bits with weights that differ by place; else a hash."""
+    """The width of each array in a tree of them, and the sum of its bits with weights that differ by place; else a hash."""
     if dr.is_array_v(value) and dr.depth_v(value) == 1:
         bits = mi.UInt32(value if dr.is_mask_v(value) else dr.reinterpret_array(mi.UInt32, value))
         lanes = dr.width(bits)
@@ -74,6 +76,28 @@ def shaded(method: Method, state: Any, frame: Frame, scene: Scene) -> tuple[Refl
     own = lent(frame)
     result, ms = timing.timed(lambda: method.shade(state, own))
     return *answer(result, frame, scene), ms
+
+
+@dataclass(frozen=True)
+class Out:
+    """Why a method shows nothing of a scene; `status`: "refused" or "crashed"."""
+
+    status: str
+    reason: str
+
+
+def made(build: Callable[[], Method], scene: Scene) -> Method | Out:
+    """The method that `build` makes, if it takes the scene; whatever is raised on the way is that method's own."""
+    doing = "it cannot be made"
+    try:
+        method = build()
+        doing = "refuses"
+        refused = refusal(method, scene)
+    except BaseException as error:  # a plugin may raise what is no Exception
+        with contextlib.suppress(Exception):
+            traceback.print_exc()
+        return Out("crashed", f"{doing}: {account(error)}")
+    return method if refused is None else Out("refused", refused)
 
 
 def refusal(method: Method, scene: Scene) -> str | None:

@@ -14,7 +14,7 @@ import drjit as dr
 import numpy as np
 
 from benchharness.api import Frame, Reflection
-from benchharness.measure import contract, timing
+from benchharness.measure import contract, host, timing
 from benchharness.measure.beside import Beside
 from benchharness.measure.entry import Entry, guarded
 from benchharness.render.frame import FrameRenderer
@@ -25,7 +25,7 @@ COLOURS = 16  # a picture of fewer may be the same from a pixel aside
 
 
 class Rounds:
-    """Of one frame, the last of `frames`, which follow each other. `rounds`: at least, and at most."""
+    """Rounds on one frame, the last of `frames`, which follow each other. `rounds`: at least, and at most."""
 
     def __init__(self, renderer: FrameRenderer, frames: list[Frame], rounds: tuple[int, int]) -> None:
         self.renderer, self.frame, self.rounds = renderer, frames[-1], rounds
@@ -52,7 +52,7 @@ class Rounds:
             common["gbuffer"].append(ms)
             for name, entry in _going(running):
                 with guarded(name, entry, watch):
-                    self._round(entry, frame, number < least)
+                    self._round(entry, frame, first=number < least)
             L = next((entry.shown[-1][1].L for _, entry in _going(running)), None)
             if L is not None:
                 common["composite"].append(timing.timed(lambda L=L: self.renderer.compose(self.frame, L))[1])
@@ -76,7 +76,7 @@ class Rounds:
         dr.eval(held)
         return held[0], ms
 
-    def _round(self, entry: Entry, frame: Frame, first: bool) -> None:
+    def _round(self, entry: Entry, frame: Frame, *, first: bool) -> None:
         """Times a round of one method; `first`: one of those that always are, with an update."""
         if first:
             entry.samples["update"].append(contract.updated(entry.method, entry.outdated, next(self.moved))[1])
@@ -90,8 +90,7 @@ class Rounds:
 
 def kept(entry: Entry, frame: Frame) -> str | None:
     """Why the times of a method are those of an answer that it kept; None where they are not."""
-    seen = np.array(frame.active)
-    L = np.broadcast_to(np.array(entry.shown[-1][1].L).T, (len(seen), 3))[seen]
+    L = host.image(entry.shown[-1][1].L, frame)[host.plane(frame.active, frame)]
     if entry.varies or len(np.unique(L, axis=0)) < COLOURS:
         return None
     return "cameras a pixel aside are shown the same picture, bit for bit: what was timed is an answer that was kept"

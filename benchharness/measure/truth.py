@@ -106,7 +106,7 @@ def _solved(p, n, eye, V, b) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def every_reflection_point(
-    vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, eye: np.ndarray, V: np.ndarray, both_sides: bool = False
+    vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, eye: np.ndarray, V: np.ndarray, *, both_sides: bool = False
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """All reflection points of each V [N, 3], and which of them show it: lists of N arrays [K, 3] and [K].
 
@@ -162,7 +162,7 @@ def on_screen(points: np.ndarray, camera: Camera, width: int, height: int) -> np
 
 
 def nearest(points: np.ndarray, valid: np.ndarray, found: np.ndarray) -> np.ndarray:
-    """Of each row's valid points the one nearest to `found` [N, 3]; NaN where there is none."""
+    """The valid point of each row that is nearest to `found` [N, 3]; NaN where there is none."""
     distance = np.where(valid, ((points - found[:, None]) ** 2).sum(axis=-1), np.inf)
     best = distance.argmin(axis=1)
     chosen = points[np.arange(len(points)), best]
@@ -191,31 +191,36 @@ class Roots:
     world: np.ndarray
 
 
-def roots(
-    scene: Scene, time: float, size: tuple[int, int], number: int, vertices: np.ndarray,
-    R: np.ndarray, virtual: np.ndarray, usable: np.ndarray,
-) -> Roots:  # fmt: skip
-    """What `vertices`, numbers [N] in the order of `scene.parts`, have in reflector `number`; R, virtual [N, 3], usable [N]."""
-    camera = scene.camera(time)
-    eye, V = np.asarray(camera.eye), placed(scene, time, vertices)
-    points, valid = _candidates(scene, time, number, eye, V, R)
-    true = nearest(points, valid & usable[:, None], R)
-    found, true_, virtual_, image = (on_screen(p, camera, *size) for p in (R, true, virtual, image_of(V, true, eye)))
-    return Roots(found, true_, virtual_, image, true)
+@dataclass(frozen=True, eq=False)
+class Mirror:
+    """Reflector number `number` of a scene at a moment, for its true reflection points; `size`: of the picture, pixels."""
 
+    scene: Scene
+    time: float
+    size: tuple[int, int]
+    number: int
 
-def continued(scene: Scene, time: float, number: int, vertices: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """The true R nearest to where one was a moment ago, `before` [N, 3]; NaN where there is none."""
-    eye, V = np.asarray(scene.camera(time).eye), placed(scene, time, vertices)
-    return nearest(*_candidates(scene, time, number, eye, V, before), before)
+    def roots(self, vertices: np.ndarray, R: np.ndarray, virtual: np.ndarray, usable: np.ndarray) -> Roots:
+        """What `vertices`, numbers [N] in the order of `Scene.parts`, have here; R, virtual [N, 3] of a method, and which of
+        them are usable [N]."""
+        camera = self.scene.camera(self.time)
+        eye, V = np.asarray(camera.eye), placed(self.scene, self.time, vertices)
+        points, valid = self._candidates(eye, V, R)
+        true = nearest(points, valid & usable[:, None], R)
+        found, true_, virtual_, image = (on_screen(p, camera, *self.size) for p in (R, true, virtual, image_of(V, true, eye)))
+        return Roots(found, true_, virtual_, image, true)
+
+    def continued(self, vertices: np.ndarray, before: np.ndarray) -> np.ndarray:
+        """The true R nearest to where one was a moment ago, `before` [N, 3]; NaN where there is none."""
+        eye, V = np.asarray(self.scene.camera(self.time).eye), placed(self.scene, self.time, vertices)
+        return nearest(*self._candidates(eye, V, before), before)
+
+    def _candidates(self, eye: np.ndarray, V: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        reflector = self.scene.reflectors[self.number]
+        mesh = (reflector.closed or reflector.mesh).transformed(reflector.pose(self.time))
+        return reflection_points(mesh.vertices, mesh.normals, mesh.faces, eye, V, near)
 
 
 def placed(scene: Scene, time: float, vertices: np.ndarray) -> np.ndarray:
     """Where `vertices`, numbers [N] in the order of `scene.parts`, are in the world, metres [N, 3]."""
     return np.concatenate([p.mesh.transformed(p.pose(time)).vertices for p in scene.parts])[vertices]
-
-
-def _candidates(scene: Scene, time: float, number: int, eye: np.ndarray, V: np.ndarray, near: np.ndarray):
-    reflector = scene.reflectors[number]
-    mesh = (reflector.closed or reflector.mesh).transformed(reflector.pose(time))
-    return reflection_points(mesh.vertices, mesh.normals, mesh.faces, eye, V, near)

@@ -79,6 +79,12 @@ class HalfEdges:
         two = first[np.diff(first, append=len(order)) == 2]
         return order[two], order[two + 1]
 
+    @property
+    def paired(self) -> np.ndarray:
+        """Which of them run along an edge of exactly two faces, bool [E]."""
+        _, which, uses = np.unique(self.key, return_inverse=True, return_counts=True)
+        return uses[which.reshape(-1)] == 2
+
 
 def half_edges(faces: np.ndarray) -> HalfEdges:
     """The edges of faces [F, 3]; none of a face that has a corner twice. Vertices are joined by number: see `welded`."""
@@ -89,9 +95,24 @@ def half_edges(faces: np.ndarray) -> HalfEdges:
 
 
 def is_closed(mesh: Triangles) -> bool:
-    """Whether every edge has exactly two faces, vertices at one place counting as one."""
+    """Whether every edge of the mesh has exactly two faces, vertices at one place counting as one."""
     edges = half_edges(welded(mesh.vertices, mesh.faces))
-    return len(edges.key) > 0 and bool((np.unique(edges.key, return_counts=True)[1] == 2).all())
+    return len(edges.key) > 0 and bool(edges.paired.all())
+
+
+def closed_faces(mesh: Triangles) -> np.ndarray:
+    """Per face whether all that it hangs together with, over vertices, is closed as in `is_closed`, bool [F].
+
+    Two boxes that share an edge are not, since four faces meet there. In `pieces`, which hang together over edges of two
+    faces alone, each of them is closed.
+    """
+    faces = welded(mesh.vertices, mesh.faces)
+    edges, count = half_edges(faces), int(faces.max()) + 1
+    graph = coo_array((np.ones(len(edges.a)), (edges.a, edges.b)), shape=(count, count))
+    _, body = connected_components(graph, directed=False)
+    torn = np.zeros(count, bool)
+    torn[body[edges.a[~edges.paired]]] = True
+    return ~torn[body[faces[:, 0]]]
 
 
 def pieces(mesh: Triangles) -> Pieces:
@@ -137,7 +158,7 @@ def turned(faces: np.ndarray, sign: np.ndarray) -> np.ndarray:
 
 
 def winding_number(mesh: Triangles, point: np.ndarray) -> float:
-    """Of `mesh` about `point`, float64 [3], both in the mesh's space."""
+    """The generalized winding number of `mesh` about `point`, float64 [3], both in the mesh's space."""
     a, b, c = np.moveaxis(mesh.vertices[mesh.faces] - point, 1, 0)
     la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
     above = np.einsum("fi,fi->f", a, np.cross(b, c))

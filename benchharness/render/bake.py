@@ -39,12 +39,11 @@ from dataclasses import replace
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.stats import qmc
 
 import benchharness.cache as cache
 import benchharness.render.mitsuba_scene as mitsuba_scene
+from benchharness.modelling import winding
 from benchharness.render.normalisation import normalised
 from benchharness.scene import Mesh, PointLight, Scene
 
@@ -67,7 +66,7 @@ def bake(scene: Scene, spp: int = 512, max_depth: int = 6, seed: int = 0) -> Sce
             raise ValueError(f"bake: {name} is {value!r}; accepted: whole numbers from {least}")
     local = normalised(scene)
     key = cache.content_hash(
-        cache.source_hash(__file__, mitsuba_scene.__file__),
+        cache.source_hash(__file__, winding.__file__, *mitsuba_scene.SOURCES),
         (mi.__version__, mi.variant()),
         mitsuba_scene.fingerprint(local, 0.0, "transport"),
         (int(spp), int(max_depth), int(seed)),
@@ -133,7 +132,7 @@ class _Vertices:
 def _incoming(scene: Scene, vertices: _Vertices, spp: int, max_depth: int, seed: int) -> list:
     """Mean of L_i under K, float64 [V, 3], and how many paths it is the mean of, int [V]; and per light, if the scene is
     glossy, the share of points that see it, float64 [V], and of how many, int [V]."""
-    world = mitsuba_scene.mitsuba_scene(scene, 0.0, "transport", [closed_faces(part.mesh) for part in scene.parts])
+    world = mitsuba_scene.mitsuba_scene(scene, 0.0, "transport", [winding.closed_faces(part.mesh) for part in scene.parts])
     integrator = mi.load_dict({"type": "path", "max_depth": max_depth, "rr_depth": 1 << 20})
     sampler = _common_sampler(spp)
     sobol = qmc.Sobol(7, scramble=True, rng=np.random.default_rng(seed))
@@ -256,24 +255,6 @@ def _paths(world, integrator, sampler, p, n, face_n, u) -> tuple[np.ndarray, np.
         share = dr.select(light.delta, 1, power_heuristic(light.pdf, K))  # no direction hits a point light by chance
         L += dr.select(light.pdf > 0, weight * K * share, 0)
     return np.array(L, np.float64).T, ~np.array(inside)
-
-
-def closed_faces(mesh: Mesh) -> np.ndarray:
-    """Per face whether it belongs to a watertight piece of the mesh: every edge of the piece has two faces. bool [F].
-
-    Vertices at the same place count as one.
-    """
-    size = max(np.ptp(mesh.vertices, axis=0).max(), 1e-30)
-    _, weld = np.unique(np.round(mesh.vertices / (1e-6 * size)).astype(np.int64), axis=0, return_inverse=True)
-    faces = weld.reshape(-1)[mesh.faces]
-    edges = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    unique, uses = np.unique(edges, axis=0, return_counts=True)
-    count = int(faces.max()) + 1
-    graph = coo_array((np.ones(len(unique)), (unique[:, 0], unique[:, 1])), shape=(count, count))
-    _, piece = connected_components(graph, directed=False)
-    torn = np.zeros(piece.max() + 1, bool)
-    torn[piece[unique[uses != 2, 0]]] = True
-    return ~torn[piece[faces[:, 0]]]
 
 
 def _filled(values: np.ndarray, counted: np.ndarray, faces: np.ndarray) -> np.ndarray:

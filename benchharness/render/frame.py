@@ -95,9 +95,21 @@ class FrameRenderer:
         v = dr.normalize(mi.Vector3f(view.eye - p))
         time = self.scene.time(index)
         return Frame(
-            index, time, view, poses, reflector, active, pixels, p, n, v, radiance, self.surfaces, self.proxies,
+            index,
+            time,
+            view,
+            poses,
+            reflector,
+            active,
+            pixels,
+            p,
+            n,
+            v,
+            radiance,
+            self.surfaces,
+            self.proxies,
             self.boxes(self.scene.camera(time), time),
-        )  # fmt: skip
+        )
 
     def boxes(self, camera: Camera, time: float) -> list[tuple[int, int, int, int]]:
         """Per reflector the pixels that its proxy may be seen in; far beyond the picture where it reaches behind the eye."""

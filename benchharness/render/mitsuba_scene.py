@@ -33,11 +33,14 @@ import mitsuba as mi
 import numpy as np
 
 from benchharness.cache import source_hash
+from benchharness.kernels import mitsuba_mesh
 from benchharness.modelling import winding
 from benchharness.render import mitsuba_gloss
 from benchharness.scene import Gloss, Mesh, Object, PointLight, Reflector, Scene, merged
 
 LIGHTINGS = ("baked", "transport")
+SOURCES = (__file__, mitsuba_mesh.__file__)
+"""What a scene is made by, for content hashes; see also `fingerprint`."""
 
 
 def mitsuba_scene(scene: Scene, time: float, lighting: str, marks: Sequence[np.ndarray] | None = None) -> mi.Scene:
@@ -67,7 +70,7 @@ def mitsuba_scene(scene: Scene, time: float, lighting: str, marks: Sequence[np.n
                 matt.append((mesh, mark))
         else:
             for chosen, emission, closed in _by_emission(mesh):
-                shapes.append(_lit(part, mesh, chosen, mark, emission, closed))
+                shapes.append(_lit(part, mesh, chosen, mark, emission, closed=closed))
                 sampled |= emission is not None and bool(emission.any())
     if matt:
         meshes, of_faces = zip(*matt, strict=True)
@@ -186,7 +189,9 @@ def _shining(part: Object, gloss: Gloss, mesh: Mesh, mark: np.ndarray, lights: S
     return shape
 
 
-def _lit(part: Object, mesh: Mesh, chosen: np.ndarray, mark: np.ndarray, emission: np.ndarray | None, closed: bool) -> mi.Mesh:
+def _lit(
+    part: Object, mesh: Mesh, chosen: np.ndarray, mark: np.ndarray, emission: np.ndarray | None, *, closed: bool
+) -> mi.Mesh:
     """Faces `chosen` as a surface with one emission [3], or with what varies over its faces for None; of `closed` pieces."""
     albedo = {"type": "mesh_attribute", "name": "vertex_albedo"}
     front = {"type": "diffuse", "reflectance": albedo}
@@ -239,16 +244,7 @@ def _by_emission(mesh: Mesh) -> Iterator[tuple[np.ndarray, np.ndarray | None, bo
 
 def _mesh(name: str, mesh: Mesh, mark: np.ndarray, **parts) -> mi.Mesh:
     """World-space mesh; `parts` are its BSDF, emitter and flags."""
-    properties = mi.Properties()
-    for key, value in parts.items():
-        properties[key] = value
-    smooth = not parts.get("face_normals", False)
-    shape = mi.Mesh(name, len(mesh.vertices), len(mesh.faces), props=properties, has_vertex_normals=smooth)
-    buffers = mi.traverse(shape)
-    buffers["vertex_positions"] = np.float32(mesh.vertices).ravel()
-    buffers["faces"] = np.uint32(mesh.faces).ravel()
-    if smooth:
-        buffers["vertex_normals"] = np.float32(mesh.normals).ravel()
-    buffers.update()
+    normals = None if parts.get("face_normals", False) else np.asarray(mesh.normals)
+    shape = mitsuba_mesh.mesh(name, mesh.vertices, mesh.faces, normals, **parts)
     shape.add_attribute("face_mark", 1, np.float32(mark).ravel())
     return shape

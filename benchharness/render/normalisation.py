@@ -67,7 +67,7 @@ def normalised(scene: Scene) -> Scene:
 
 
 def _middle(scene: Scene) -> np.ndarray:
-    """Of the box around all mirrors, or all objects, over the animation, float64 [3]."""
+    """The middle of the box around all mirrors, or all objects, over the animation, float64 [3]."""
     frames = np.unique(np.linspace(0, max(scene.frames - 1, 0), TIMES).astype(int))
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for part in scene.reflectors or scene.objects:

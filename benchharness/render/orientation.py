@@ -64,7 +64,7 @@ def oriented(scene: Scene) -> tuple[Scene, list[Turned]]:
 
     def mended(name: str, mesh: Mesh, sign: np.ndarray, one_sided: int = 0) -> Mesh:
         faces = winding.turned(mesh.faces, sign)
-        normals, count = _normals(mesh, faces, bool((sign < 0).any()))
+        normals, count = _normals(mesh, faces, changed=bool((sign < 0).any()))
         if count or one_sided or (sign < 0).any():
             notes.append(Turned(name, int((sign < 0).sum()), len(sign), count, one_sided))
         return mesh if count == 0 and (sign > 0).all() else replace(mesh, faces=faces, normals=normals)
@@ -163,7 +163,7 @@ def _times(scene: Scene, most: int) -> list[float]:
     return [scene.time(int(frame)) for frame in frames]
 
 
-def _normals(mesh: Mesh, faces: np.ndarray, changed: bool) -> tuple[np.ndarray, int]:
+def _normals(mesh: Mesh, faces: np.ndarray, *, changed: bool) -> tuple[np.ndarray, int]:
     """Normals for these faces of a mesh, float64 [V, 3], and how many of its author's were turned."""
     around = vertex_normals(mesh.vertices, faces)
     if changed and np.allclose(mesh.normals, vertex_normals(mesh.vertices, mesh.faces), atol=1e-6):

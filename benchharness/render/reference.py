@@ -119,7 +119,7 @@ def render(
     to_metres = local.unit / scene.unit
     scene, camera = local, local.camera(time)
     key = cache.content_hash(
-        cache.source_hash(__file__, mitsuba_scene.__file__),
+        cache.source_hash(__file__, *mitsuba_scene.SOURCES),
         (mi.__version__, mi.variant()),
         mitsuba_scene.fingerprint(scene, time, options.lighting),
         (*map(float, (*camera.eye, *camera.target, *camera.up, camera.fov_deg)), int(width), int(height), int(seed)),

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from benchharness.measure import timing
+from benchharness.measure import contract, timing
 from benchharness.render import reference
 from benchharness.scene import Mesh, Reflector, Scene, refined, vertex_normals
 from benchharness.speed.stage import Stage, interleaved, method
@@ -66,7 +66,7 @@ def study(base: Scene, size: tuple[int, int], index: int, rounds: int, say: Call
         for name in methods:
             say(f"{name}: {triangles} triangles, dents {dents:g}")
             row = {"shape": shape, "dents": dents, "triangles": triangles, "method": name}
-            row["refused"] = method(name).refuses(scene)
+            row["refused"] = contract.refusal(method(name), scene)
             rows.append(row)
             if row["refused"] is None:
                 errors, works[shape, dents, triangles, name] = case(name, stage, truth)

@@ -51,10 +51,17 @@ def _construction(depth: mi.Float, settings: Settings, rounds: int, say: Callabl
     timed = []
     for n, m in settings.construction:
         note = f"{settings.texels} x {settings.texels} texels"
-        timed.append(Timed(
-            CONSTRUCTION, f"n = {n}, m = {m}", "time", lambda n=n, m=m: _built(depth, settings.texels, n, m), "ms",
-            popescu.CONSTRUCTION_MS.get((n, m)), note,
-        ))  # fmt: skip
+        timed.append(
+            Timed(
+                CONSTRUCTION,
+                f"n = {n}, m = {m}",
+                "time",
+                lambda n=n, m=m: _built(depth, settings.texels, n, m),
+                "ms",
+                popescu.CONSTRUCTION_MS.get((n, m)),
+                note,
+            )
+        )
     return popescu.measured(timed, rounds, say)
 
 

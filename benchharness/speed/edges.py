@@ -19,7 +19,7 @@ from scipy import ndimage
 
 from benchharness.kernels import pixels
 from benchharness.kernels.images import relief
-from benchharness.measure import metrics
+from benchharness.measure import host, metrics
 from benchharness.render import reference
 from benchharness.speed import popescu
 from benchharness.speed.depthmaps import rays
@@ -46,7 +46,7 @@ def study(stage: Stage, settings: Settings, say: Callable[[str], None]) -> tuple
     """Rows of impostors.csv, and the strip from coarse to fine, then every texel, then the reference."""
     scene, m = stage.scene, settings.rate[1]
     truth = reference.render(scene, stage.frame.time, stage.size, reference.ReferenceOptions(max_depth=DEPTH))
-    mirror = np.array(stage.frame.active).reshape(truth.mask.shape)
+    mirror = host.plane(stage.frame.active, stage.frame)
     exact = _hits(stage, popescu.reliefs(stage, settings.texels, 1, 0))
     outline = silhouette(exact, mirror)
     band = mirror & truth.mask & ~truth.second & (_distance_px(outline) <= BAND_PX)
@@ -90,7 +90,7 @@ def _hits(stage: Stage, shown: relief.Reliefs) -> np.ndarray:
     mirror = mi.UInt32(dr.gather(mi.Int32, frame.reflector, frame.pixels))
     met = relief.nearest(shown, shown.objects, mirror, o, d, mi.Float(dr.inf), 0.0, "mid", mi.Bool(True))
     (hits,) = pixels.spread([mi.Float(dr.select(met.t < dr.inf, 1, 0))], frame.pixels, frame.view)
-    return np.array(hits).reshape(stage.size[::-1]) > 0
+    return host.plane(hits, frame) > 0
 
 
 def _image(stage: Stage, settings: Settings, n: int | None) -> np.ndarray:
@@ -98,7 +98,7 @@ def _image(stage: Stage, settings: Settings, n: int | None) -> np.ndarray:
     how = {"intersector": "march"} if n is None else {"rotations": n, "points": settings.rate[1]}
     kind = plugins.find("method", METHOD, "speed").target(resolution=settings.texels, **how)
     reflection, _ = kind.shade(stage.warmed(kind), stage.frame)
-    return stage.pixels(stage.renderer.compose(stage.frame, reflection.L))
+    return host.image(stage.renderer.compose(stage.frame, reflection.L), stage.frame)
 
 
 def silhouette(hits: np.ndarray, mirror: np.ndarray) -> np.ndarray:

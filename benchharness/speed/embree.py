@@ -20,7 +20,7 @@ import mitsuba as mi
 import numpy as np
 
 from benchharness.api import Frame, View
-from benchharness.kernels import geometry, hierarchy, optics, raster, surroundings
+from benchharness.kernels import geometry, hierarchy, mitsuba_mesh, optics, raster, surroundings
 from benchharness.kernels.frozen import frozen
 from benchharness.render.frame import opaque
 from benchharness.scene import Scene
@@ -49,13 +49,13 @@ class World:
     objects: int
 
 
-def build(scene: Scene, time: float, way: hierarchy.Way = hierarchy.BODIES, robust: bool = True) -> World:
+def build(scene: Scene, time: float, way: hierarchy.Way = hierarchy.BODIES, *, robust: bool = True) -> World:
     """The baked scene at `time` seconds; `way` and `robust` as in `hierarchy`."""
     triangles, seen = geometry.of_scene(scene), geometry.of_scene_seen(scene)
     metals = [(r.eta, r.k) if r.eta is not None else None for r in scene.reflectors]
     return World(
         hierarchies=hierarchy.of_scene(scene, triangles, time, way, robust),
-        smooth=_smooth(scene, time, robust),
+        smooth=_smooth(scene, time, robust=robust),
         radiance=triangles.attributes,
         attributes=seen.attributes,
         surroundings=surroundings.of_scene(scene),
@@ -65,18 +65,12 @@ def build(scene: Scene, time: float, way: hierarchy.Way = hierarchy.BODIES, robu
     )
 
 
-def _smooth(scene: Scene, time: float, robust: bool) -> Any:
+def _smooth(scene: Scene, time: float, *, robust: bool) -> Any:
     meshes = [part.mesh.transformed(part.pose(time)) for part in scene.parts]
     starts = np.cumsum([0, *(len(m.vertices) for m in meshes)])
-    mesh = mi.Mesh("smooth", int(starts[-1]), scene.triangles, has_vertex_normals=True)
-    params = mi.traverse(mesh)
-    for name in ("vertices", "normals"):
-        values = np.concatenate([getattr(m, name) for m in meshes])
-        params[{"vertices": "vertex_positions", "normals": "vertex_normals"}[name]] = mi.Float(np.float32(values).ravel())
+    vertices, normals = (np.concatenate([getattr(m, name) for m in meshes]) for name in ("vertices", "normals"))
     faces = np.concatenate([m.faces + start for m, start in zip(meshes, starts, strict=False)])
-    params["faces"] = mi.UInt32(np.uint32(faces).ravel())
-    params.update()
-    return mi.load_dict({"type": "scene", "embree_use_robust_intersections": robust, "smooth": mesh})
+    return mitsuba_mesh.scene(vertices, faces, normals, robust=robust)
 
 
 def move(world: World, poses: mi.Float) -> World:
@@ -114,10 +108,10 @@ def gbuffer(world: World, view: View, like: Frame) -> Frame:
 
 @frozen
 def _gbuffer(world: World, view: View):
-    return _first_hits(world, _rays(view), True)
+    return _first_hits(world, _rays(view), coherent=True)
 
 
-def _first_hits(world: World, ray: mi.Ray3f, coherent: bool):
+def _first_hits(world: World, ray: mi.Ray3f, *, coherent: bool):
     """Reflector number, whether there is one, point, normal, direction to the eye and radiance, as in `Frame`."""
     hit = hierarchy.meet(world.hierarchies, ray, coherent=coherent)
     value = _xyz(raster.interpolate(world.attributes, hit.face, hit.weights, hit.found))
@@ -138,7 +132,7 @@ def _xyz(packet: mi.Vector4f) -> mi.Vector3f:
 # Secondary rays
 
 
-def _mirrored(world: World, p: mi.Point3f, n: mi.Normal3f, v: mi.Vector3f, coherent: bool, active: mi.Bool | bool):
+def _mirrored(world: World, p: mi.Point3f, n: mi.Normal3f, v: mi.Vector3f, active: mi.Bool | bool, *, coherent: bool):
     """Radiance along the reflected rays and their lengths."""
     start = p + mi.Vector3f(n) * (RAY_EPSILON * (1 + dr.max(dr.abs(p))))
     ray = mi.Ray3f(start, optics.reflect(v, n))
@@ -149,10 +143,10 @@ def _mirrored(world: World, p: mi.Point3f, n: mi.Normal3f, v: mi.Vector3f, coher
 
 
 @frozen
-def reflection(world: World, frame: Frame, coherent: bool):
+def reflection(world: World, frame: Frame, *, coherent: bool):
     """Radiance and distance of every reflector pixel, one lane per pixel: what a method's `shade` answers."""
     p, n, v = (dr.gather(type(a), a, frame.pixels) for a in (frame.p, frame.n, frame.v))
-    L, distance = _mirrored(world, p, n, v, coherent, True)
+    L, distance = _mirrored(world, p, n, v, True, coherent=coherent)
     full = [dr.zeros(mi.Float, frame.view.width * frame.view.height) for _ in range(4)]
     for target, value in zip(full, (L.x, L.y, L.z, distance), strict=True):
         dr.scatter(target, value, frame.pixels)
@@ -163,10 +157,10 @@ def reflection(world: World, frame: Frame, coherent: bool):
 
 
 @frozen
-def picture(world: World, view: View, coherent: bool) -> mi.Color3f:
+def picture(world: World, view: View, *, coherent: bool) -> mi.Color3f:
     """A whole frame in one kernel: first hits, one bounce where they are mirrors, the mirrors' reflectance."""
-    reflector, active, p, n, v, radiance = _first_hits(world, _rays(view), coherent)
-    L, _ = _mirrored(world, p, n, v, coherent, active)
+    reflector, active, p, n, v, radiance = _first_hits(world, _rays(view), coherent=coherent)
+    L, _ = _mirrored(world, p, n, v, active, coherent=coherent)
     cos_theta = dr.clip(dr.abs(dr.dot(mi.Vector3f(n), v)), 0, 1)
     for i, (eta, k) in enumerate(zip(world.eta, world.k, strict=True)):
         reflectance = mi.Color3f(1) if eta is None else optics.fresnel_conductor(cos_theta, eta, k)

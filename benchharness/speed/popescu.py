@@ -67,7 +67,7 @@ class Settings:
 def row(
     table: str, setting: str, quantity: str, ours: float, unit: str, paper: float | None = None, note: str = ""
 ) -> dict[str, Any]:
-    """Of impostors.csv."""
+    """A row of impostors.csv."""
     made = {"table": table, "setting": setting, "quantity": quantity, "ours": ours, "unit": unit, "note": note}
     return made if paper is None else {**made, "paper": paper}
 

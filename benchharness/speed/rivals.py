@@ -24,7 +24,7 @@ import numpy as np
 
 from benchharness.api import Method
 from benchharness.kernels import hierarchy
-from benchharness.measure import metrics
+from benchharness.measure import host, metrics
 from benchharness.scene import Scene
 from benchharness.speed import embree, llvmpipe
 from benchharness.speed.stage import Stage, Work, answer, interleaved, method, ratio_interval
@@ -77,13 +77,25 @@ def comparisons(
 def _gbuffer(stage: Stage, world: embree.World) -> Comparison:
     renderer, frame, view = stage.renderer, stage.frame, stage.frame.view
     rivals = [
-        ("Embree, default call", lambda: embree.interactions(world, view), lambda si: si.p,
-         "the whole surface interaction evaluated"),
-        ("Embree, coherent", lambda: embree.essentials(world, view), lambda found: found[1],
-         "point, normals, triangle and uv evaluated"),
-        ("Embree, coherent, our G-buffer", lambda: embree.gbuffer(world, view, frame), lambda found: found.p,
-         "preliminary hits; what our G-buffer holds and nothing else"),
-    ]  # fmt: skip
+        (
+            "Embree, default call",
+            lambda: embree.interactions(world, view),
+            lambda si: si.p,
+            "the whole surface interaction evaluated",
+        ),
+        (
+            "Embree, coherent",
+            lambda: embree.essentials(world, view),
+            lambda found: found[1],
+            "point, normals, triangle and uv evaluated",
+        ),
+        (
+            "Embree, coherent, our G-buffer",
+            lambda: embree.gbuffer(world, view, frame),
+            lambda found: found.p,
+            "preliminary hits; what our G-buffer holds and nothing else",
+        ),
+    ]
     return Comparison(
         "gbuffer",
         lambda: renderer.draw(frame.index, view),
@@ -129,8 +141,8 @@ def _frame(name: str, stage: Stage, world: embree.World) -> Comparison:
 
     drawn = ours()[0]
     rivals = [
-        ("one bounce, default calls", lambda: embree.picture(world, view, False), "Embree; all in one kernel"),
-        ("one bounce, coherent", lambda: embree.picture(world, view, True), f"Embree; all in one kernel; {_LOSES}"),
+        ("one bounce, default calls", lambda: embree.picture(world, view, coherent=False), "Embree; all in one kernel"),
+        ("one bounce, coherent", lambda: embree.picture(world, view, coherent=True), f"Embree; all in one kernel; {_LOSES}"),
         ("one bounce, in stages", staged, "Embree; coherent first hits, ray_traced, composite"),
     ]
     return Comparison(
@@ -145,9 +157,9 @@ def _shade(name: str, ours: str, stage: Stage, world: embree.World, fast: embree
     frame, state, traced_state = stage.frame, stage.warmed(mine), stage.warmed(traced)
     shown = mine.shade(state, frame)[0].L
     rivals = {
-        _DEFAULT: lambda: embree.reflection(world, frame, False),
-        _FAST: lambda: embree.reflection(fast, frame, False),
-        _COHERENT: lambda: embree.reflection(world, frame, True),
+        _DEFAULT: lambda: embree.reflection(world, frame, coherent=False),
+        _FAST: lambda: embree.reflection(fast, frame, coherent=False),
+        _COHERENT: lambda: embree.reflection(world, frame, coherent=True),
         "ray_traced": lambda: answer(traced.shade(traced_state, frame)),
     }
     return Comparison(name, lambda: answer(mine.shade(state, frame)), _differences(stage, shown, rivals))
@@ -161,7 +173,7 @@ def _moving(name: str, stage: Stage, bodies: embree.World, anew: embree.World) -
         return answer(mine.shade(mine.update(before, frame), frame))
 
     def recorded(world: embree.World) -> tuple:
-        return embree.reflection(embree.move(world, frame.poses), frame, False)
+        return embree.reflection(embree.move(world, frame.poses), frame, coherent=False)
 
     shown = renewed(own, state)[0]
     rivals = {
@@ -191,8 +203,8 @@ def _same_points(stage: Stage, p: Any) -> str:
 
 def _difference(stage: Stage, ours: Any, other: Any) -> str:
     """How far two pictures are apart inside the mirror."""
-    mask = np.array(stage.frame.active).reshape(stage.size[1], stage.size[0])
-    pictures = stage.pixels(ours), stage.pixels(other)
+    mask = host.plane(stage.frame.active, stage.frame)
+    pictures = host.image(ours, stage.frame), host.image(other, stage.frame)
     flip = metrics.flip_map(*pictures, mask, ppd=stage.scene.ppd, exposure=stage.scene.exposure)[mask]
     return f"FLIP to ours {flip.mean():.4f}" if mask.any() else "no mirror in view"
 

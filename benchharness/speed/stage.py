@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from itertools import pairwise
 from typing import Any, TypeVar
 
 import drjit as dr
 import numpy as np
 
 from benchharness.api import Frame, Method, Reflection
-from benchharness.measure import bench, timing
+from benchharness.measure import runup, timing
 from benchharness.render.frame import FrameRenderer
 from benchharness.scene import Scene
 from benchharness.study import plugins
@@ -35,7 +34,7 @@ class Stage:
     def __init__(self, scene: Scene, size: tuple[int, int], index: int) -> None:
         self.scene, self.size = scene, size
         self.renderer = FrameRenderer(scene, *size)
-        self.frames = [self.renderer.render(i) for i in bench.run_up(index, scene.frames)]
+        self.frames = [self.renderer.render(i) for i in runup.numbers(index, scene.frames)]
         dr.eval(self.frames)
 
     @property
@@ -45,17 +44,8 @@ class Stage:
 
     def warmed(self, method: Method) -> Any:
         """The method's state before it shades `frame`: it shaded the frames before, and took in what moved."""
-        state = method.update(method.prepare(self.scene), self.frames[0])
-        for previous, frame in pairwise(self.frames):
-            _, state = method.shade(state, previous)
-            if self.scene.moves(previous.time, frame.time):
-                state = method.update(state, frame)
-        dr.eval(state)
-        return state
-
-    def pixels(self, value: Any) -> np.ndarray:
-        """Three channels, one lane per pixel -> float32 [H, W, 3]."""
-        return np.array(value, np.float32).T.reshape(self.size[1], self.size[0], 3)
+        *_, last = runup.carried(self.scene, method, method.prepare(self.scene), self.frames)
+        return last.before
 
 
 def method(name: str) -> Method:

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from benchharness.measure import metrics, timing
+from benchharness.measure import contract, host, metrics, timing
 from benchharness.render import reference
 from benchharness.scene import Scene, refined
-from benchharness.speed.stage import Stage, answer, interleaved, method
+from benchharness.speed.stage import Stage, Work, answer, interleaved, method
 from benchharness.study import plugins
 from benchharness.tables.speed import UNREFLECTED
 
@@ -51,38 +51,48 @@ def study(
     targets: Sequence[int] = TARGETS,
 ) -> Found:
     """Times and errors of frame `index`. `bases`: detail -> baked scene, not refined."""
-    methods = [name for name, plugin in plugins.discover("method").items() if plugin.error is None]
-    rows, works = [], {}
+    found = Found([], [], [])
     for detail, base in bases.items():
-        truth = reference.render(base, base.time(index), size)
-        for scene in tessellations(base, targets):
-            seen = {"detail": detail, "vertices": scene.vertices, "triangles": scene.triangles}
-            seen["h_max_m"] = scene.source.get("split_at")
-            stage = Stage(replace(scene, h_max=None), size, index)
-            rows.append({**seen, "method": UNREFLECTED})
-            works[detail, UNREFLECTED, scene.vertices] = _unreflected(stage)
-            for name in methods:
-                say(f"{detail}: {name} at {scene.vertices} vertices")
-                if method(name).refuses(stage.scene) is None:
-                    errors, works[detail, name, scene.vertices] = case(name, stage, truth)
-                    rows.append({**seen, "method": name, **errors})
-    times, _ = interleaved(works, rounds, lambda done: say(f"round {done} of {rounds}"))
-    for row in rows:
-        row["shade_ms"], row["shade_ms_lo"], row["shade_ms_hi"] = timing.median_interval(
-            times[row["detail"], row["method"], row["vertices"]]
-        )
-    plain = {(row["detail"], row["vertices"]): row["shade_ms"] for row in rows if row["method"] == UNREFLECTED}
-    for row in rows:
-        row["frame_ms"] = plain[row["detail"], row["vertices"]] + (row["shade_ms"] if row["method"] != UNREFLECTED else 0)
-    kinds = dict.fromkeys((row["detail"], row["method"]) for row in rows)
-    return Found(
-        rows,
-        [
-            {"detail": detail, "method": name, **fit([r for r in rows if (r["detail"], r["method"]) == (detail, name)])}
-            for detail, name in kinds
-        ],
-        [dict(zip(SAMPLE_COLUMNS, (*key, i, ms), strict=True)) for key, all_ in times.items() for i, ms in enumerate(all_)],
-    )
+        # The states of all methods on all tessellations are alive at once, so that rounds are interleaved: of one detail only.
+        rows, works = _cases(detail, base, size, index, say, targets)
+        times, _ = interleaved(works, rounds, lambda done, detail=detail: say(f"{detail}: round {done} of {rounds}"))
+        for row in rows:
+            row["shade_ms"], row["shade_ms_lo"], row["shade_ms_hi"] = timing.median_interval(
+                times[row["method"], row["vertices"]]
+            )
+        plain = {row["vertices"]: row["shade_ms"] for row in rows if row["method"] == UNREFLECTED}
+        for row in rows:
+            row["frame_ms"] = plain[row["vertices"]] + (row["shade_ms"] if row["method"] != UNREFLECTED else 0)
+        found.rows += rows
+        for name in dict.fromkeys(row["method"] for row in rows):
+            found.fits.append({"detail": detail, "method": name, **fit([r for r in rows if r["method"] == name])})
+        for (name, vertices), all_ in times.items():
+            found.samples += [
+                dict(zip(SAMPLE_COLUMNS, (detail, name, vertices, i, ms), strict=True)) for i, ms in enumerate(all_)
+            ]
+    return found
+
+
+def _cases(
+    detail: str, base: Scene, size: tuple[int, int], index: int, say: Callable[[str], None], targets: Sequence[int]
+) -> tuple[list[dict[str, Any]], dict[tuple[str, int], Work]]:
+    """Rows without times, and what is to be timed, by method and vertices."""
+    methods = [name for name, plugin in plugins.discover("method").items() if plugin.error is None]
+    rows: list[dict[str, Any]] = []
+    works: dict[tuple[str, int], Work] = {}
+    truth = reference.render(base, base.time(index), size)
+    for scene in tessellations(base, targets):
+        seen = {"detail": detail, "vertices": scene.vertices, "triangles": scene.triangles}
+        seen["h_max_m"] = scene.source.get("split_at")
+        stage = Stage(replace(scene, h_max=None), size, index)
+        rows.append({**seen, "method": UNREFLECTED})
+        works[UNREFLECTED, scene.vertices] = _unreflected(stage)
+        for name in methods:
+            say(f"{detail}: {name} at {scene.vertices} vertices")
+            if contract.refusal(method(name), stage.scene) is None:
+                errors, works[name, scene.vertices] = case(name, stage, truth)
+                rows.append({**seen, "method": name, **errors})
+    return rows, works
 
 
 def _unreflected(stage: Stage):
@@ -101,10 +111,9 @@ def case(name: str, stage: Stage, truth: reference.Reference):
     kind, scene = method(name), stage.scene
     state = stage.warmed(kind)
     answered = kind.shade(state, stage.frame)[0]
-    mask = truth.mask & np.array(stage.frame.active).reshape(truth.mask.shape)
-    found = np.broadcast_to(np.array(answered.found), mask.size).reshape(mask.shape)
-    image = stage.pixels(stage.renderer.compose(stage.frame, answered.L))
-    errors = metrics.evaluate(image, truth.image, mask, ppd=scene.ppd, exposure=scene.exposure, found=found)
+    said = host.answer(stage.frame, answered)
+    image, mask = host.image(stage.renderer.compose(stage.frame, answered.L), stage.frame), truth.mask & said.mirror
+    errors = metrics.evaluate(image, truth.image, mask, ppd=scene.ppd, exposure=scene.exposure, found=said.found)
     return {k: errors[k] for k in ("flip", "coverage")}, lambda: answer(kind.shade(state, stage.frame))
 
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 import importlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -94,12 +94,12 @@ def run(
     groups = {name: _units(name, planned, wanted) for name in planned.studies}
     depends = _depends(planned, groups)
     if not resume:
-        _agree(groups, {}, yes, tell)
-    with folder.opened("stability", out, depends, resume) as place:
+        _agree(groups, {}, tell, yes=yes)
+    with folder.opened("stability", out, depends, resume=resume) as place:
         journal, images = folder.Journal(place / folder.JOURNAL), place / folder.IMAGES
         done = _taken_up(groups, journal, images, tell)
         if resume:
-            _agree(groups, done, yes, tell)
+            _agree(groups, done, tell, yes=yes)
         made = [_Study(name, place, groups[name]) for name in planned.studies]
         _add(made, done.values(), tell)
         works = [children.Work(study.name, study.groups, study.module.APIECE) for study in made]
@@ -136,7 +136,7 @@ def _depends(planned: Plan, groups: Groups) -> dict[str, Any]:
     }
 
 
-def _agree(groups: Groups, done: Mapping[Place, Done], yes: bool, tell: Callable[[str], None]) -> None:
+def _agree(groups: Groups, done: Mapping[Place, Done], tell: Callable[[str], None], *, yes: bool) -> None:
     """Says what is left to do, and about how long it takes; see `estimate.agreed`."""
     from benchharness.execution import estimate
 
@@ -145,7 +145,7 @@ def _agree(groups: Groups, done: Mapping[Place, Done], yes: bool, tell: Callable
         left[study] -= 1
     seconds = estimate.SCENE_S + sum(count * _module(study).UNIT_S for study, count in left.items())
     what = ", ".join(f"{count} of {study}" for study, count in left.items())
-    estimate.agreed(f"{sum(left.values())} rows ({what})", seconds, yes, tell)
+    estimate.agreed(f"{sum(left.values())} rows ({what})", seconds, tell, yes=yes)
 
 
 class _Line(BaseModel):
@@ -205,12 +205,7 @@ def _units(study: str, planned: Plan, wanted: Wanted) -> dict[str, list[dict[str
         names = plan.chosen(planned.atlas.regimes, list(atlas.regimes()), "[atlas].regimes: regime")
         return atlas.units(planned.entries, plan.chosen(wanted.regimes, names, "--regime: regime"), wanted.severity)
     if study == "motion":
-        asked = planned.motion
-        scenes = wanted.scenes or asked.scenes
-        return motion.units(
-            planned.entries, scenes, asked.kinds, asked.frames, asked.substeps, asked.start, asked.size, asked.followed,
-            asked.places,
-        )  # fmt: skip
+        return motion.units(planned.entries, replace(planned.motion, scenes=tuple(wanted.scenes) or planned.motion.scenes))
     return perturbation.units(planned.entries, wanted.scenes or planned.perturbation.scenes)
 
 
@@ -238,7 +233,7 @@ class _Study:
 
     @property
     def rows(self) -> list[dict[str, Any]]:
-        """Of the units that are done, in the order of the plan."""
+        """The rows of the units that are done, in the order of the plan."""
         return [self.made[place] for place in self._places()]
 
     def _places(self) -> list[Place]:

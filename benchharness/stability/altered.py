@@ -63,10 +63,15 @@ def renumbered(scene: Scene, seed: int = 0) -> tuple[Scene, np.ndarray]:
             radiance, visibility = (None if v is None else v[order] for v in (mesh.radiance, mesh.visibility))
             mixed.append(
                 Mesh(
-                    mesh.vertices[order], faces, mesh.normals[order], np.asarray(mesh.albedo)[order],
-                    np.asarray(mesh.emission)[order], radiance, visibility,
+                    mesh.vertices[order],
+                    faces,
+                    mesh.normals[order],
+                    np.asarray(mesh.albedo)[order],
+                    np.asarray(mesh.emission)[order],
+                    radiance,
+                    visibility,
                 )
-            )  # fmt: skip
+            )
         start += len(meshes[0].vertices)
         return mixed
 

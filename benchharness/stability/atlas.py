@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from benchharness.regime import Regime
+from benchharness.regime import MISSING, Regime, Seen
 from benchharness.scene import Scene
 from benchharness.stability import plan
 from benchharness.study import shipped
@@ -108,6 +108,7 @@ def units(entries: Sequence[Entry], names: Sequence[str], severity: float | None
 
 def work(units: Sequence[dict[str, Any]], folder: Path) -> Iterator[dict[str, Any]]:
     """Measures units of one regime; see `benchharness.stability.children`. Pictures go to `folder`."""
+    from benchharness.measure import contract
     from benchharness.measure.bench import Bench
     from benchharness.render.reference import ReferenceOptions
 
@@ -117,10 +118,9 @@ def work(units: Sequence[dict[str, Any]], folder: Path) -> Iterator[dict[str, An
         scene = replace(build(severity), name=f"{name}[{severity:g}]")
         bench = Bench(scene, regime.size, ReferenceOptions(max_depth=regime.max_depth, spp=2), None, 0, (1, 1))
         for entry in (Entry(**unit["entry"]) for unit in group):
-            method = entry.build()
-            refusal = method.refuses(bench.scene)
-            if refusal is not None:
-                yield {"status": "refused", "reason": refusal}
+            method = contract.made(entry.build, bench.scene)
+            if isinstance(method, contract.Out):
+                yield asdict(method)
                 continue
             record, seen = bench.show(regime.frame, entry.key, method)
             if seen is not None:
@@ -143,15 +143,24 @@ def row(unit: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:
     )
     return {
         **{column: record.get(column) for column in COLUMNS},
-        "regime": regime.name, "title": regime.title, "entry": regime.entry,
-        "severity": unit["severity"], "severity_name": regime.severity,
-        "method": entry.method, "setting": plan.setting(entry), "params": entry.params_text,
-        "verdict": judged, "why": why, "limit": record.get("limit") if judged == "fails" else None,
-        "symptom_name": regime.symptom, "bound": regime.bound, "command": command,
-    }  # fmt: skip
+        "regime": regime.name,
+        "title": regime.title,
+        "entry": regime.entry,
+        "severity": unit["severity"],
+        "severity_name": regime.severity,
+        "method": entry.method,
+        "setting": plan.setting(entry),
+        "params": entry.params_text,
+        "verdict": judged,
+        "why": why,
+        "limit": record.get("limit") if judged == "fails" else None,
+        "symptom_name": regime.symptom,
+        "bound": regime.bound,
+        "command": command,
+    }
 
 
-def _keep_picture(folder: Path, regime: Regime, severity: float, label: str, seen: Any, exposure: float) -> None:
+def _keep_picture(folder: Path, regime: Regime, severity: float, label: str, seen: Seen, exposure: float) -> None:
     """The method's picture, the reference and the error, side by side: the mirrors and a little around, which is darker."""
     from benchharness.measure import metrics
 
@@ -165,8 +174,10 @@ def _keep_picture(folder: Path, regime: Regime, severity: float, label: str, see
     metrics.save_png(file, np.concatenate(whole, axis=1))
 
 
-def _symptom(regime: Regime, seen: Any) -> float | None:
-    if isinstance(regime.measure, str):
+def _symptom(regime: Regime, seen: Seen) -> float | None:
+    from benchharness.measure import completeness
+
+    if isinstance(regime.measure, str) and regime.measure != MISSING:
         return seen.record.get(regime.measure)
-    value = regime.measure(seen)
+    value = completeness.missing(seen) if isinstance(regime.measure, str) else regime.measure(seen)
     return None if value is None or not np.isfinite(value) else float(value)

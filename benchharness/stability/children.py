@@ -15,7 +15,6 @@ import importlib
 import json
 import os
 import queue
-import subprocess
 import sys
 import tempfile
 import threading
@@ -37,7 +36,7 @@ Place = tuple[str, str, int]
 
 @dataclass(frozen=True)
 class Work:
-    """Of one study: its name, its units by group, and how many groups share a process."""
+    """What a study has to do: its name, its units by group, and how many groups share a process."""
 
     study: str
     groups: Mapping[str, Sequence[dict[str, Any]]]
@@ -59,16 +58,16 @@ class _Brood:
     """The processes that run, so that whoever stops listening can end them, and have no further ones started."""
 
     lock: threading.Lock = field(default_factory=threading.Lock)
-    alive: set[subprocess.Popen] = field(default_factory=set)
+    alive: set[processes.Child] = field(default_factory=set)
     ended: bool = False
 
-    def add(self, child: subprocess.Popen) -> None:
+    def add(self, child: processes.Child) -> None:
         with self.lock:
             self.alive.add(child)
             if self.ended:
                 child.kill()
 
-    def remove(self, child: subprocess.Popen) -> None:
+    def remove(self, child: processes.Child) -> None:
         with self.lock:
             self.alive.discard(child)
 
@@ -144,27 +143,21 @@ def _child(
     with tempfile.TemporaryDirectory() as own:
         file, log = Path(own) / "job.json", Path(own) / "log"
         file.write_text(json.dumps(job), encoding="utf-8")
-        with open(log, "wb") as stream:
-            child = processes.start("benchharness.stability.children", str(file), log=stream, OMP_NUM_THREADS=str(threads))
-        assert child.stdout is not None
+        child = processes.Child("benchharness.stability.children", str(file), log=log, OMP_NUM_THREADS=str(threads))
         brood.add(child)
         try:
-            lines = processes.Lines(child.stdout)
-            while (said := lines.next(timeout_s)) is not None:
+            while (said := child.next(timeout_s)) is not None:
                 tell(Done(*left.pop(0), said["record"], said["pictures"]))
             if not left:
                 return None
-            return {
-                "status": "crashed",
-                "reason": f"the process ended with {processes.cause(child.wait())}: {processes.tail(log)}",
-            }
+            return {"status": "crashed", "reason": f"the process ended with {child.cause()}: {child.words()}"}
         except TimeoutError:
             return {"status": "timeout", "reason": f"no answer for {timeout_s:g} s"}
         except ValueError as error:
             return {"status": "crashed", "reason": str(error)}
         finally:
             brood.remove(child)
-            processes.end(child)
+            child.end()
 
 
 def _work(file: str) -> None:

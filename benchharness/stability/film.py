@@ -1,4 +1,4 @@
-"""A stretch of a scene's animation at a fine step, with its references; and what a method shows of it, carried along.
+"""A stretch of a scene's animation at a fine step, with its references.
 
 Three kinds. `steady` is the animation as it is. In `cut` the camera is, from one frame on, where it is towards the
 animation's other end; in `teleport` objects and mirrors are where they are half an animation later. All else goes on.
@@ -6,7 +6,7 @@ animation's other end; in `teleport` objects and mirrors are where they are half
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from benchharness.api import Frame, Method, Reflection
-from benchharness.measure import contract
+from benchharness.api import Frame
+from benchharness.measure import host
 from benchharness.render import reference
 from benchharness.render.ready import ready
 from benchharness.scene import Scene
@@ -51,7 +51,7 @@ class Film:
     def mask(self, k: int, frame: Frame) -> np.ndarray:
         """Pixels of frame k of the film that reflect once, in the reference and for the method, bool [H, W]."""
         seen = self.references[k]
-        return seen.mask & ~seen.second & np.array(frame.active).reshape(seen.mask.shape)
+        return seen.mask & ~seen.second & host.plane(frame.active, frame)
 
 
 def spec(name: str) -> SceneSpec:
@@ -75,9 +75,9 @@ def checked(name: str) -> str:
 
 
 def film(name: str, kind: str, count: int, substeps: int, start: int | None, size: tuple[int, int]) -> Film:
-    """Of the scene `name`. Bakes it where it needs that.
+    """The film of the scene `name`. Bakes it where it needs that.
 
-    kind      one of `motion.KINDS`
+    kind      one of `plan.KINDS`
     count     frames of a steady run; one with a jump has BEFORE and AFTER
     substeps  frames per frame of the scene's own animation
     start     frame of that animation, at which to begin; None: a steady run where most moves, others at 0
@@ -145,19 +145,3 @@ def _corners(scene: Scene, time: float) -> np.ndarray:
         found.append(box @ pose[:3, :3].T + pose[:3, 3])
     seen = (np.concatenate(found) - camera.eye) @ camera.axes().T
     return seen / np.maximum(np.linalg.norm(seen, axis=1, keepdims=True), 1e-9)
-
-
-def carried(scene: Scene, method: Method, state: Any, frames: Iterable[Frame]) -> Iterator[tuple[Frame, Reflection, Any]]:
-    """A method's answers to frames in order, and the state that each was shaded from: updated at the first frame and where a
-    part moved, else as the frame before left it.
-
-    state  what `prepare` returned
-    """
-    before = None
-    for frame in frames:
-        if before is None or scene.moves(before, frame.time):
-            state, _ = contract.updated(method, state, frame)
-        at = state
-        reflection, state, _ = contract.shaded(method, at, frame, scene)
-        before = frame.time
-        yield frame, reflection, at

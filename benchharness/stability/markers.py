@@ -23,11 +23,12 @@ import numpy as np
 
 from benchharness.api import Frame, Method, View
 from benchharness.kernels import depths
-from benchharness.measure import contract, metrics
+from benchharness.measure import contract, host, metrics
+from benchharness.measure.runup import carried
 from benchharness.render import reference
 from benchharness.render.frame import FrameRenderer
 from benchharness.scene import PointLight, Scene
-from benchharness.stability.film import OPTIONS, Film, carried
+from benchharness.stability.film import OPTIONS, Film
 
 LEAST_PX = 80  # pixels of an image, in every frame
 MOST = 0.3  # share of its mirror's pixels: what is larger is a surrounding, cut off by the mirror's edge
@@ -53,7 +54,7 @@ def dark(scene: Scene, radiance: Sequence[np.ndarray]) -> Scene:
 
 @dataclass(frozen=True)
 class Image:
-    """Of object number `what` in mirror number `mirror`; `colour`: the channel in which it shines."""
+    """The image of object number `what` in mirror number `mirror`; `colour`: the channel in which it shines."""
 
     what: int
     mirror: int
@@ -90,7 +91,7 @@ class Markers:
 
     @cached_property
     def images(self) -> list[Image]:
-        """Of the three objects whose images are known best, in all mirrors that show them."""
+        """The images of the three objects that are known best, in all mirrors that show them."""
         objects, mirrors = len(self.film.scene.objects), len(self.film.scene.reflectors)
         counts = np.zeros((len(self.seen), mirrors, objects))
         for k, (what, mirror) in enumerate(self.seen):
@@ -154,24 +155,21 @@ class Markers:
         out = [np.zeros((side * height, side * width, 3), np.float32) for _ in self.numbers]
         renderer, state = FrameRenderer(self.scene, width, height), method.prepare(self.scene)
         middle = side // 2
-        for k, (frame, reflection, at) in enumerate(
-            carried(self.scene, method, state, (renderer.render(i) for i in self.numbers))
-        ):
+        for k, step in enumerate(carried(self.scene, method, state, (renderer.render(i) for i in self.numbers))):
             places = out[k].reshape(height, side, width, side, 3)
             for down, right in product(range(side), repeat=2):
                 if (down, right) == (middle, middle):
-                    there, shown = frame, reflection
+                    there, shown = step.frame, step.reflection
                 else:
-                    there = _shifted(renderer, frame.index, (right - middle) / side, (down - middle) / side)
-                    shown = contract.shaded(method, at, there, self.scene)[0]
-                L = np.broadcast_to(np.array(shown.L, np.float32).T, (width * height, 3))
-                L = np.where(np.isfinite(L) & np.array(there.active)[:, None], L, 0)
-                places[:, down, :, right] = L.reshape(height, width, 3)
+                    there = _shifted(renderer, step.frame.index, (right - middle) / side, (down - middle) / side)
+                    shown = contract.shaded(method, step.before, there, self.scene)[0]
+                L, mirror = host.image(shown.L, there), host.plane(there.active, there)
+                places[:, down, :, right] = np.where(np.isfinite(L) & mirror[..., None], L, 0)
         return out
 
 
 def centroid(weights: np.ndarray, side: int) -> np.ndarray:
-    """Of a picture that has `side` x `side` places in a pixel, [x, y] in pixels; NaN where it is empty."""
+    """The middle [x, y], in pixels, of a picture that has `side` x `side` places in a pixel; NaN where it is empty."""
     total = weights.sum()
     if total <= 0:
         return np.full(2, np.nan)

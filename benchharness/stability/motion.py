@@ -57,43 +57,31 @@ FRAME_COLUMNS = (
     "scene kind method setting params frame time reflector_px flip temporal_diff pops coverage iterations_mean iterations_max "
     "converge_changes root_switches cold_flip"
 ).split()
-KINDS = ("steady", "cut", "teleport")
-COUNT, SUBSTEPS, SIZE = plan.Motion.frames, plan.Motion.substeps, plan.Motion.size
-FOLLOWED, PLACES = plan.Motion.followed, plan.Motion.places
 
 
-def units(
-    entries: Sequence[Entry], scenes: Sequence[str] = (), kinds: Sequence[str] = KINDS, count: int = COUNT,
-    substeps: int = SUBSTEPS, start: int | None = None, size: tuple[int, int] = SIZE, followed: int = FOLLOWED,
-    places: int = PLACES,
-) -> dict[str, list[dict[str, Any]]]:  # fmt: skip
+def units(entries: Sequence[Entry], asked: plan.Motion) -> dict[str, list[dict[str, Any]]]:
     """What is to be measured, by scene.
-
-    scenes    names, or paths `file.py:Name`; all that there are if empty
-    count     frames of a steady run
-    substeps  frames per frame of the scene's own animation
-    start     frame of that animation at which runs begin; None: where most moves, and 0 for runs with a jump
-    followed  frames in which `markers` follows images, from the first on; `places` of each pixel, along each axis
 
     Raises ValueError for an unknown kind of run and for a scene that is not there, or does not load.
     """
-    for kind in kinds:
-        if kind not in KINDS:
-            raise ValueError(f"kind {kind!r}; accepted: {', '.join(KINDS)}")
-    names = scenes or [name for name, site in plugins.sites("scene").items() if site.offers]
+    for kind in asked.kinds:
+        if kind not in plan.KINDS:
+            raise ValueError(f"kind {kind!r}; accepted: {', '.join(plan.KINDS)}")
+    names = asked.scenes or [name for name, site in plugins.sites("scene").items() if site.offers]
     with Apart() as apart:
         for name in names:
             apart.call("benchharness.stability.film:checked", f"--scene {name}", name=name)
-    options = {"count": count, "substeps": substeps, "start": start, "size": list(size)}
-    options |= {"followed": followed, "places": places}
+    options = {"count": asked.frames, "substeps": asked.substeps, "start": asked.start, "size": list(asked.size)}
+    options |= {"followed": asked.followed, "places": asked.places}
     return {
-        name: [{"scene": name, "kind": kind, "entry": asdict(entry), **options} for kind in kinds for entry in entries]
+        name: [{"scene": name, "kind": kind, "entry": asdict(entry), **options} for kind in asked.kinds for entry in entries]
         for name in names
     }
 
 
 def work(units: Sequence[dict[str, Any]], folder: Path) -> Iterator[dict[str, Any]]:
     """Measures units of one scene; see `benchharness.stability.children`. Pictures go to `folder`."""
+    from benchharness.measure import contract
     from benchharness.stability import film, markers, watch
 
     what = "scene kind count substeps start size followed places".split()
@@ -103,17 +91,16 @@ def work(units: Sequence[dict[str, Any]], folder: Path) -> Iterator[dict[str, An
         marked = markers.Markers(seen, places, followed) if kind == "steady" else None
         for unit in group:
             entry = Entry(**unit["entry"])
-            method = entry.build()
-            refusal = method.refuses(seen.scene)
-            if refusal is not None:
-                yield {"status": "refused", "reason": refusal}
+            method = contract.made(entry.build, seen.scene)
+            if isinstance(method, contract.Out):
+                yield asdict(method)
                 continue
             try:
                 shown = watch.run(seen, method)
                 record = watch.measured(seen, shown) | (watch.followed(marked, method) if marked else {})
             except Exception as error:  # whatever a plugin may raise
                 traceback.print_exc()
-                yield {"status": "crashed", "reason": f"{type(error).__name__}: {error}"}
+                yield {"status": "crashed", "reason": contract.account(error)}
                 continue
             _keep_pictures(folder, name, kind, plan.label(entry), seen, shown)
             yield record

@@ -44,9 +44,15 @@ SIZE = (160, 120)
 ASIDE = 0.1  # pixels
 
 SCENES: dict[str, float | None] = {
-    "hidden": 0.25, "contact": 0.1, "concave": 0.35, "torus": 0.3, "layers": 0.05, "two_mirrors": 0.3, "comb": 12,
+    "hidden": 0.25,
+    "contact": 0.1,
+    "concave": 0.35,
+    "torus": 0.3,
+    "layers": 0.05,
+    "two_mirrors": 0.3,
+    "comb": 12,
     "kitchen": None,
-}  # fmt: skip
+}
 """What is changed: regimes, one for each sort of mirror and of thing, with a severity; and a real scene, with None."""
 
 KINDS: dict[str, tuple[str, Callable[[Scene], Scene], int]] = {
@@ -150,10 +156,17 @@ def row(unit: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:
     where = f"--study perturbation --scene {unit['scene']} "
     return {
         **{column: record.get(column) for column in COLUMNS},
-        "scene": unit["scene"], "severity": severity, "kind": unit["kind"], "size": KINDS[unit["kind"]][0],
-        "method": entry.method, "setting": plan.setting(entry), "params": entry.params_text,
-        "verdict": judged, "why": why, "command": f"benchharness stability {where}--only {shlex.quote(plan.label(entry))}",
-    }  # fmt: skip
+        "scene": unit["scene"],
+        "severity": severity,
+        "kind": unit["kind"],
+        "size": KINDS[unit["kind"]][0],
+        "method": entry.method,
+        "setting": plan.setting(entry),
+        "params": entry.params_text,
+        "verdict": judged,
+        "why": why,
+        "command": f"benchharness stability {where}--only {shlex.quote(plan.label(entry))}",
+    }
 
 
 def compared(one: Any, other: Any, columns: int, exposure: float) -> dict[str, Any]:
@@ -166,9 +179,12 @@ def compared(one: Any, other: Any, columns: int, exposure: float) -> dict[str, A
     change, reference = (float(np.abs(pictures[k] - pictures[k + 1]).mean()) for k in (0, 2))
     noticed = [_lab_distance(pictures[k], pictures[k + 1]) > JND for k in (0, 2)]
     return {
-        "change": change, "reference_change": reference, "amplification": change / max(reference, FLOOR),
-        "changed_px": float((noticed[0] & ~noticed[1]).mean()), "reflector_px": int(mask.sum()),
-    }  # fmt: skip
+        "change": change,
+        "reference_change": reference,
+        "amplification": change / max(reference, FLOOR),
+        "changed_px": float((noticed[0] & ~noticed[1]).mean()),
+        "reflector_px": int(mask.sum()),
+    }
 
 
 def _bench(seen: Subject, scene: Scene, size: tuple[int, int]) -> Any:
@@ -180,9 +196,10 @@ def _bench(seen: Subject, scene: Scene, size: tuple[int, int]) -> Any:
 
 def _shown(bench: Any, frame: int, entry: Entry) -> tuple[dict[str, Any], Any]:
     """What a method shows, as `benchharness.measure.bench.Bench.show` has it; a refusal as a record."""
-    method = entry.build()
-    refusal = method.refuses(bench.scene)
-    return ({"status": "refused", "reason": refusal}, None) if refusal is not None else bench.show(frame, entry.key, method)
+    from benchharness.measure import contract
+
+    method = contract.made(entry.build, bench.scene)
+    return (asdict(method), None) if isinstance(method, contract.Out) else bench.show(frame, entry.key, method)
 
 
 def _record(one: tuple[dict, Any], other: tuple[dict, Any], columns: int, exposure: float) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from benchharness.study.methods import Entry
 
 STUDIES = ("atlas", "motion", "perturbation")
 SECTIONS = (*STUDIES, "methods")
+KINDS = ("steady", "cut", "teleport")
 
 Pixels = Annotated[int, Field(ge=1, le=4096)]
 Frames = Annotated[int, Field(ge=3, le=run.MOST_FRAMES)]
@@ -50,7 +51,7 @@ class Motion:
     """
 
     scenes: tuple[str, ...] = ()
-    kinds: tuple[Literal["steady", "cut", "teleport"], ...] = ("steady", "cut", "teleport")
+    kinds: tuple[Literal["steady", "cut", "teleport"], ...] = KINDS
     frames: Frames = 12
     substeps: Annotated[int, Field(ge=1, le=1000)] = 4
     start: run.Index | None = None

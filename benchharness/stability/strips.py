@@ -27,9 +27,11 @@ def crop(masks: Sequence[np.ndarray]) -> Box:
         return 0, 0, width, height
     rows, columns = np.flatnonzero(whole.any(axis=1)), np.flatnonzero(whole.any(axis=0))
     return (
-        max(int(columns[0]) - MARGIN, 0), max(int(rows[0]) - MARGIN, 0),
-        min(int(columns[-1]) + 1 + MARGIN, width), min(int(rows[-1]) + 1 + MARGIN, height),
-    )  # fmt: skip
+        max(int(columns[0]) - MARGIN, 0),
+        max(int(rows[0]) - MARGIN, 0),
+        min(int(columns[-1]) + 1 + MARGIN, width),
+        min(int(rows[-1]) + 1 + MARGIN, height),
+    )
 
 
 def chosen(count: int, jump: int | None) -> list[int]:

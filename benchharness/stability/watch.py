@@ -7,14 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from benchharness.api import Frame, Method, Reflection
-from benchharness.measure import metrics, truth
+from benchharness.api import Method, Reflection
+from benchharness.kernels.pixels import WRONG_PX
+from benchharness.measure import host, metrics, truth
+from benchharness.measure.runup import carried
 from benchharness.render.frame import FrameRenderer
-from benchharness.stability.film import Film, carried
+from benchharness.stability.film import Film
 from benchharness.stability.markers import Markers
 
 SAMPLE = 60  # vertices whose true reflection points are followed, in all mirrors together
-SWITCH_PX = 3.0  # more than `measure.WRONG_PX`: that far off is the wrong root, and not the same one less exactly
+SWITCH_PX = 1.5 * WRONG_PX  # two answers are compared, each of which may be off a little: more than where one is wrong
+MEANS = "reflector_px flip temporal_diff pops coverage iterations_mean converge_changes root_switches cold_flip".split()
 RECOVERED = 0.005  # mean FLIP; a twentieth of `metrics.POP`
 
 
@@ -42,12 +45,12 @@ def run(film: Film, method: Method) -> Shown:
     """All frames in order; from a jump on once more from a cold start, until that is no better, and in the last."""
     renderer, state, shown = FrameRenderer(film.scene, *film.size), method.prepare(film.scene), Shown()
     frames = (renderer.render(i) for i in film.numbers)
-    for k, (frame, reflection, _) in enumerate(carried(film.scene, method, state, frames)):
-        image, mask = _picture(renderer, frame, reflection), film.mask(k, frame)
+    for k, step in enumerate(carried(film.scene, method, state, frames)):
+        frame, reflection = step.frame, step.reflection
+        image, mask = host.image(renderer.compose(frame, reflection.L), frame), film.mask(k, frame)
         shown.images.append(image)
         shown.masks.append(mask)
-        found = np.broadcast_to(np.array(reflection.found), mask.size).reshape(mask.shape)
-        shown.found.append(float(found[mask].mean()) if mask.any() else None)
+        shown.found.append(float(host.answer(frame, reflection).found[mask].mean()) if mask.any() else None)
         shown.errors.append(_error(film, k, image, mask))
         vertices = _vertices(reflection)
         if vertices is not None:
@@ -56,11 +59,12 @@ def run(film: Film, method: Method) -> Shown:
     for i in () if film.jump is None else range(film.jump, film.first + film.count):
         if recovered and i != film.numbers[-1]:
             continue
-        ((frame, reflection, _),) = carried(film.scene, method, state, [renderer.render(i)])
+        (step,) = carried(film.scene, method, state, [renderer.render(i)])
         k = i - film.first
-        error = _error(film, k, _picture(renderer, frame, reflection), shown.masks[k])
+        image = host.image(renderer.compose(step.frame, step.reflection.L), step.frame)
+        error = _error(film, k, image, shown.masks[k])
         cold = _mean(error, shown.masks[k])
-        shown.cold[i] = cold, _vertices(reflection)
+        shown.cold[i] = cold, _vertices(step.reflection)
         recovered |= _recovered(_mean(shown.errors[k], shown.masks[k]), cold)
     return shown
 
@@ -86,9 +90,7 @@ def measured(film: Film, shown: Shown) -> dict[str, Any]:
     if film.jump is not None:
         after = frames[film.jump - film.first :]
         record["recovery"] = next((k for k, f in enumerate(after) if _recovered(f["flip"], f["cold_flip"])), None)
-    for (
-        column
-    ) in "reflector_px flip temporal_diff pops coverage iterations_mean converge_changes root_switches cold_flip".split():
+    for column in MEANS:
         known = [f[column] for f in frames if f.get(column) is not None]
         record[column] = float(np.mean(known)) if known else None
         if column in ("temporal_diff", "pops"):
@@ -114,9 +116,15 @@ def followed(marked: Markers, method: Method) -> dict[str, Any]:
 def _frame(film: Film, shown: Shown, k: int) -> dict[str, Any]:
     number, mask = film.first + k, shown.masks[k]
     out: dict[str, Any] = {
-        "frame": number, "time": film.scene.time(number), "reflector_px": int(mask.sum()), "coverage": shown.found[k],
-        "flip": _mean(shown.errors[k], mask), "iterations_mean": None, "iterations_max": None, "cold_flip": None,
-    }  # fmt: skip
+        "frame": number,
+        "time": film.scene.time(number),
+        "reflector_px": int(mask.sum()),
+        "coverage": shown.found[k],
+        "flip": _mean(shown.errors[k], mask),
+        "iterations_mean": None,
+        "iterations_max": None,
+        "cold_flip": None,
+    }
     if k > 0 and number != film.jump:
         four = (shown.images[k - 1], shown.images[k], film.references[k - 1].image, film.references[k].image)
         both = mask & shown.masks[k - 1]
@@ -156,11 +164,10 @@ def _roots(film: Film, shown: Shown, frames: list[dict]) -> dict[str, Any]:
         lanes, last, tracks = number * film.scene.vertices + sample, None, []
         for k, i in enumerate(film.numbers):
             own = {name: a[lanes] for name, a in shown.vertices[k].items()}
-            now = truth.roots(
-                film.scene, film.scene.time(i), film.size, number, sample, own["R"], own["virtual"], own["converged"]
-            )
+            mirror = truth.Mirror(film.scene, film.scene.time(i), film.size, number)
+            now = mirror.roots(sample, own["R"], own["virtual"], own["converged"])
             if last is not None:
-                left[k].append(_switched(film, i, number, sample, last, now))
+                left[k].append(_switched(mirror, sample, last, now))
             tracks.append(np.where(_within(now.true, film.size)[:, None], now.virtual - now.image, np.nan))
             last = now
         errors.append(np.stack(tracks))
@@ -176,7 +183,7 @@ def _roots(film: Film, shown: Shown, frames: list[dict]) -> dict[str, Any]:
     return {"jitter_px": metrics.jitter_px(np.concatenate(errors, axis=1)), "jitter_median_px": median}
 
 
-def _switched(film: Film, i: int, number: int, sample: np.ndarray, last: truth.Roots, now: truth.Roots) -> np.ndarray:
+def _switched(mirror: truth.Mirror, sample: np.ndarray, last: truth.Roots, now: truth.Roots) -> np.ndarray:
     """1 for vertices whose R left the true one that it was at, 0 for those that stayed, NaN where one is not known, [N]."""
     went = now.found - last.found
     path = now.true - last.true
@@ -184,9 +191,8 @@ def _switched(film: Film, i: int, number: int, sample: np.ndarray, last: truth.R
     # The nearest true root may be another one than before: where it jumped too, ask for the one that goes on.
     jumped = np.flatnonzero(np.linalg.norm(path, axis=1) > SWITCH_PX)
     if len(jumped):
-        time = film.scene.time(i)
-        on = truth.continued(film.scene, time, number, sample[jumped], last.world[jumped])
-        path[jumped] = truth.on_screen(on, film.scene.camera(time), *film.size) - last.true[jumped]
+        on = mirror.continued(sample[jumped], last.world[jumped])
+        path[jumped] = truth.on_screen(on, mirror.scene.camera(mirror.time), *mirror.size) - last.true[jumped]
         out[jumped] = switches(went[jumped], path[jumped], (last.found - last.true)[jumped])
     return out
 
@@ -218,11 +224,6 @@ def _other_roots(film: Film, shown: Shown) -> float | None:
 def _within(points: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     """Points [N, 2] that lie inside the picture."""
     return np.asarray(((points >= 0) & (points <= size)).all(axis=1))
-
-
-def _picture(renderer: FrameRenderer, frame: Frame, reflection: Reflection) -> np.ndarray:
-    image = renderer.compose(frame, reflection.L)
-    return np.array(image, np.float32).T.reshape(renderer.height, renderer.width, 3)
 
 
 def _error(film: Film, k: int, image: np.ndarray, mask: np.ndarray) -> np.ndarray:

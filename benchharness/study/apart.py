@@ -18,7 +18,6 @@ import importlib
 import json
 import os
 import queue
-import subprocess
 import sys
 import tempfile
 import traceback
@@ -99,11 +98,8 @@ class _End:
 class _Child:
     def __init__(self, variant: str | None) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="benchharness-")
-        self._log = Path(self._folder.name) / "log"
-        with open(self._log, "wb") as log:
-            self._process = processes.start("benchharness.study.apart", variant or ANY, str(os.getpid()), log=log)
-        assert self._process.stdout is not None
-        self._lines = processes.Lines(self._process.stdout)
+        log = Path(self._folder.name) / "log"
+        self._process = processes.Child("benchharness.study.apart", variant or ANY, str(os.getpid()), log=log)
         try:
             self._wait_for_start()
         except BaseException:
@@ -118,10 +114,8 @@ class _Child:
             raise platform.EnvironmentBroken(said["broken"])
 
     def answer(self, request: dict[str, Any], timeout_s: float) -> dict[str, Any] | _End:
-        assert self._process.stdin is not None
         try:
-            self._process.stdin.write((json.dumps(request) + "\n").encode())
-            self._process.stdin.flush()
+            self._process.tell(request)
         except BrokenPipeError:
             return self._ended()
         said = self._next(timeout_s)
@@ -130,7 +124,7 @@ class _Child:
 
     def _next(self, timeout_s: float) -> dict[str, Any] | _End:
         try:
-            said = self._lines.next(timeout_s)
+            said = self._process.next(timeout_s)
         except TimeoutError:
             return _End(f"the process that imports it did not end within {timeout_s:g} s{self._last_words()}", late=True)
         except ValueError as error:
@@ -138,18 +132,14 @@ class _Child:
         return self._ended() if said is None else said
 
     def _ended(self) -> _End:
-        try:
-            cause = processes.cause(self._process.wait(timeout=10.0))
-        except subprocess.TimeoutExpired:
-            cause = "a closed channel"
-        return _End(f"the process that imports it ended with {cause}, without an answer{self._last_words()}")
+        return _End(f"the process that imports it ended with {self._process.cause()}, without an answer{self._last_words()}")
 
     def _last_words(self) -> str:
-        words = processes.tail(self._log)
+        words = self._process.words()
         return f": {words}" if words else ""
 
     def end(self) -> None:
-        processes.end(self._process)
+        self._process.end()
         self._folder.cleanup()
 
 

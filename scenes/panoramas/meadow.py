@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..props.shapes import way_to
+from ..props.ways import way_to
 
 SUN_DEG = (-118.0, 60.0)
 """Azimuth and elevation of the sun."""

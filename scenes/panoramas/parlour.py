@@ -25,8 +25,14 @@ GILT, DARK = np.array([0.52, 0.36, 0.12]), np.array([0.030, 0.022, 0.018])
 def painter(height: int = 512) -> Callable[[Array], Array]:
     """The painter of the room for panoramas of `height` rows: unit directions [N, 3] -> radiance [N, 3]."""
     sample = np.pi / (height - 1)
-    walls = ((0, LEFT, _windows), (0, RIGHT, _hearth), (1, NEAR, _paintings), (1, FAR, _books), (2, FLOOR, _floor),
-             (2, CEILING, _ceiling))  # fmt: skip
+    walls = (
+        (0, LEFT, _windows),
+        (0, RIGHT, _hearth),
+        (1, NEAR, _paintings),
+        (1, FAR, _books),
+        (2, FLOOR, _floor),
+        (2, CEILING, _ceiling),
+    )
 
     def paint(d: Array) -> Array:
         d = np.where(abs(d) < 1e-9, 1e-9, d)
@@ -93,8 +99,17 @@ def _books(x: Array, z: Array, wx: Array, wz: Array) -> Array:
     row, at = np.divmod(z - FLOOR - 0.10, 0.335)
     column, along = np.divmod(x + 0.011 * np.sin(7 * row), 0.052)
     rng = np.random.default_rng(5)
-    hues = np.array([(0.34, 0.06, 0.04), (0.08, 0.13, 0.26), (0.10, 0.20, 0.10), (0.42, 0.28, 0.12), (0.60, 0.52, 0.38),
-                     (0.16, 0.08, 0.06), (0.30, 0.16, 0.08)])  # fmt: skip
+    hues = np.array(
+        [
+            (0.34, 0.06, 0.04),
+            (0.08, 0.13, 0.26),
+            (0.10, 0.20, 0.10),
+            (0.42, 0.28, 0.12),
+            (0.60, 0.52, 0.38),
+            (0.16, 0.08, 0.06),
+            (0.30, 0.16, 0.08),
+        ]
+    )
     which = (17 * row.astype(int) + column.astype(int)) % 512
     spine, tall = hues[rng.integers(0, len(hues), 512)[which]], (0.19 + 0.09 * rng.random(512))[which]
     case = between(repeated(x - 0.25, 1.12), -0.52, 0.52, wx) * shelves
@@ -157,8 +172,12 @@ def _floor(x: Array, y: Array, wx: Array, wy: Array) -> Array:
     """Parquet in squares, and a red rug with a border in the middle."""
     tone = checker(x, y, 0.30, wx, wy)[:, None]
     out = np.array([0.30, 0.165, 0.075]) * (1 + 0.22 * tone)
-    for a, b, colour in ((1.9, 1.5, (0.36, 0.055, 0.040)), (1.75, 1.35, (0.52, 0.40, 0.22)), (1.66, 1.26, (0.07, 0.09, 0.20)),
-                         (1.42, 1.02, (0.40, 0.065, 0.045))):  # fmt: skip
+    for a, b, colour in (
+        (1.9, 1.5, (0.36, 0.055, 0.040)),
+        (1.75, 1.35, (0.52, 0.40, 0.22)),
+        (1.66, 1.26, (0.07, 0.09, 0.20)),
+        (1.42, 1.02, (0.40, 0.065, 0.045)),
+    ):
         out = laid(out, colour, rectangle(x, y, (-a, -b), (a, b), wx, wy))
     diamond = abs(repeated(x, 0.36)) + abs(repeated(y, 0.36)) - 0.10
     return laid(out, [0.54, 0.42, 0.24], within(diamond, np.hypot(wx, wy)) * rectangle(x, y, (-1.4, -1), (1.4, 1), wx, wy))

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..panoramas.brushes import arch, between, checker, laid, rectangle, repeated, ripples, smooth, within
-from ..props.shapes import Colour, way_to
+from ..props.shapes import Colour
+from ..props.ways import way_to
 
 Array = np.ndarray
 Painter = Callable[[Array], Array]

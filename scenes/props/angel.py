@@ -76,9 +76,14 @@ def _folds() -> list[Blob]:
 def _wing() -> list[Blob]:
     """The wing at x > 0: an arched arm, and feathers that hang from it, the outer ones longer."""
     arch = np.array([[0.010, 0.014, 0.205], [0.034, 0.026, 0.250], [0.058, 0.034, 0.272], [0.076, 0.040, 0.256]])
-    out = [limb(tuple(a), tuple(b), 0.0095, 0.0070, k=0.005, part="wing") for a, b in
-           ((arch[0], arch[1] + [0.006, 0.002, 0.008]), (arch[1] - [0.008, 0.003, 0.012], arch[2] + [0.006, 0.002, 0.0]),
-            (arch[2] - [0.010, 0.002, 0.0], arch[3] + [0.004, 0.002, -0.012]))]  # fmt: skip
+    out = [
+        limb(tuple(a), tuple(b), 0.0095, 0.0070, k=0.005, part="wing")
+        for a, b in (
+            (arch[0], arch[1] + [0.006, 0.002, 0.008]),
+            (arch[1] - [0.008, 0.003, 0.012], arch[2] + [0.006, 0.002, 0.0]),
+            (arch[2] - [0.010, 0.002, 0.0], arch[3] + [0.004, 0.002, -0.012]),
+        )
+    ]
     tops = np.column_stack([np.interp(np.linspace(0.30, 3, 6), np.arange(4), arch[:, k]) for k in range(3)])
     share = np.linspace(0, 1, 6)
     ends = np.column_stack([0.020 + 0.074 * share, 0.024 + 0.022 * share, 0.118 + 0.026 * share**2])
@@ -98,6 +103,15 @@ def statuette(cell: float, around: int = 48) -> Mesh:
     b = blobs()
     figure = polygonised(b, cell)
     figure = replace(figure, albedo=blended(b, figure.vertices, STONE, 0.0012))
-    profile = [(0, 0), (0.066, 0), (0.066, 0.009), (0.058, 0.014), (0.053, 0.020), (0.052, 0.034), (0.059, 0.039),
-               (0.059, PLINTH), (0, PLINTH)]  # fmt: skip
+    profile = [
+        (0, 0),
+        (0.066, 0),
+        (0.066, 0.009),
+        (0.058, 0.014),
+        (0.053, 0.020),
+        (0.052, 0.034),
+        (0.059, 0.039),
+        (0.059, PLINTH),
+        (0, PLINTH),
+    ]
     return merged(figure, lathe(profile, around, (0.34, 0.24, 0.19)))

@@ -44,22 +44,33 @@ def ground(tile_m: float, road_m: float) -> list[Object]:
         sheet(up, x, y, cut(*ROAD[:2], x0, x1), cut(*ROAD[2:], y0, y1), ASPHALT, hole=ISLAND),
         *(sheet(up, x, y, cut(*span[:2]), cut(*span[2:]), ASPHALT) for span in STREETS),
     )
-    lines = [(x0 - 3.0, y0 - 3.0, y1 + 3.0, 1), (x1 + 3.0, y0 - 3.0, y1 + 3.0, 1),
-             (y0 - 3.0, x0 - 2.0, x1 + 2.0, 0), (y1 + 3.0, x0 - 2.0, x1 + 2.0, 0)]  # fmt: skip
+    lines = [
+        (x0 - 3.0, y0 - 3.0, y1 + 3.0, 1),
+        (x1 + 3.0, y0 - 3.0, y1 + 3.0, 1),
+        (y0 - 3.0, x0 - 2.0, x1 + 2.0, 0),
+        (y1 + 3.0, x0 - 2.0, x1 + 2.0, 0),
+    ]
     dashes = [_dash(across, s, along) for across, lo, hi, along in lines for s in np.arange(lo + 0.6, hi - 1.8, 2.9)]
     dashes += [_dash(y1 + 3.0, s, 0) for side in (-1, 1) for s in side * np.arange(16.0, 25.0, 2.9)]
-    stripes = [sheet((0, 0, 0.008 - KERB), x, y, [x0 - 5.7, x0 - 0.3], [s, s + 0.5], PAINT)
-               for s in np.arange(-12.0, -8.0, 1.0)]  # fmt: skip
+    stripes = [
+        sheet((0, 0, 0.008 - KERB), x, y, [x0 - 5.7, x0 - 0.3], [s, s + 0.5], PAINT) for s in np.arange(-12.0, -8.0, 1.0)
+    ]
     kerb = [_edge((x0, y0), (x1, y0)), _edge((x1, y0), (x1, y1)), _edge((x1, y1), (x0, y1)), _edge((x0, y1), (x0, y0))]
     return [
-        Object("paving", _mosaic(tile_m),
-               "rings and rays of coloured stone right under the saucer, where the mirror bends them most"),
+        Object(
+            "paving",
+            _mosaic(tile_m),
+            "rings and rays of coloured stone right under the saucer, where the mirror bends them most",
+        ),
         Object("kerb", merged(*kerb), "the island's edge, a step down to the road"),
         Object("road", road, "the dark ground on which the trucks stand out"),
         Object("road-lines", merged(*dashes, *stripes), "dashes in straight rows and a crossing, bent by the mirror"),
-        Object("pavements", merged(*(_pavement(*p, road_m) for p in PAVEMENTS)),
-               "a pale band with a kerb along the houses, broken by the streets"),
-    ]  # fmt: skip
+        Object(
+            "pavements",
+            merged(*(_pavement(*p, road_m) for p in PAVEMENTS)),
+            "a pale band with a kerb along the houses, broken by the streets",
+        ),
+    ]
 
 
 STREETS = (
@@ -97,8 +108,14 @@ def _dash(across: float, start: float, along: int) -> Mesh:
 def _edge(start: tuple[float, float], end: tuple[float, float]) -> Mesh:
     """A kerb along `start` to `end`, whose face looks to the right of the way."""
     way = np.subtract(end, start)
-    return sheet((*start, -KERB), (*(way / np.linalg.norm(way)), 0), (0, 0, 1), steps(0, float(np.linalg.norm(way)), 2.5),
-                 [0, KERB], STONE)  # fmt: skip
+    return sheet(
+        (*start, -KERB),
+        (*(way / np.linalg.norm(way)), 0),
+        (0, 0, 1),
+        steps(0, float(np.linalg.norm(way)), 2.5),
+        [0, KERB],
+        STONE,
+    )
 
 
 def _mosaic(tile_m: float) -> Mesh:
@@ -181,7 +198,7 @@ GROUND_M, FLOOR_M, PARAPET_M = 3.8, 3.1, 0.6
 CHIMNEY: Colour = (0.36, 0.16, 0.11)
 
 
-def house(h: House, wall_m: float, sills: bool) -> Mesh:
+def house(h: House, wall_m: float, *, sills: bool) -> Mesh:
     """Base vertices of the walls are `wall_m` apart. Backs and party walls, which nobody sees, are left out."""
     top = GROUND_M + FLOOR_M * h.floors + (PARAPET_M if h.roof == "flat" else 0.0)
     zs, ys = with_breaks(0, top, wall_m, [GROUND_M]), steps(0, h.depth, wall_m)
@@ -203,17 +220,17 @@ def house(h: House, wall_m: float, sills: bool) -> Mesh:
     pitch = h.width / h.columns
     for f in range(h.floors):
         sill_z = GROUND_M + FLOOR_M * f + 0.75
-        parts += [placed(_window(h.trim, sills), (pitch * (c + 0.5), 0, sill_z)) for c in range(h.columns)]
+        parts += [placed(_window(h.trim, sill=sills), (pitch * (c + 0.5), 0, sill_z)) for c in range(h.columns)]
         count = max(2, int(h.depth / 3.2))
         for side in h.sides:
             turn, corner = (90.0, (h.width, 0.0)) if side == "r" else (-90.0, (0.0, h.depth))
-            row = [placed(_window(h.trim, False), (h.depth * (c + 0.5) / count, 0, sill_z)) for c in range(count)]
+            row = [placed(_window(h.trim, sill=False), (h.depth * (c + 0.5) / count, 0, sill_z)) for c in range(count)]
             parts += [placed(window, (*corner, 0), turn) for window in row]
-    parts += _ground_floor(h, pitch, sills)
+    parts += _ground_floor(h, pitch, sills=sills)
     return placed(merged(*parts), (*h.at, 0), h.turn_deg)
 
 
-def _window(trim: Colour, sill: bool) -> Mesh:
+def _window(trim: Colour, *, sill: bool) -> Mesh:
     """A window on the plane y = 0 that looks to -y, standing on z = 0: a raised frame, a pane or two over a sill."""
     w, t = 1.05, 1.6
     frame = _panel(-0.5 * w - 0.12, 0.5 * w + 0.12, -0.02, t + 0.12, 0.03, trim)
@@ -228,7 +245,7 @@ def _panel(x0: float, x1: float, z0: float, z1: float, out: float, colour: Colou
     return sheet((0, -out, 0), (1, 0, 0), (0, 0, 1), [x0, x1], [z0, z1], colour)
 
 
-def _ground_floor(h: House, pitch: float, sills: bool) -> list[Mesh]:
+def _ground_floor(h: House, pitch: float, *, sills: bool) -> list[Mesh]:
     """A door, and windows or shop windows under striped awnings."""
     middle = h.columns // 2
     door = pitch * (middle + 0.5)
@@ -239,7 +256,7 @@ def _ground_floor(h: House, pitch: float, sills: bool) -> list[Mesh]:
     for c in [c for c in range(h.columns) if c != middle]:
         at = pitch * (c + 0.5)
         if h.shop is None:
-            out.append(placed(_window(h.trim, sills), (at, 0, 1.0)))
+            out.append(placed(_window(h.trim, sill=sills), (at, 0, 1.0)))
             continue
         half, count = 0.5 * pitch - 0.25, 5
         stripes = np.array([[h.shop if k % 2 == 0 else WHITE for k in range(count)]])
@@ -315,7 +332,7 @@ SOUTH = (
 )
 
 
-def houses(wall_m: float, sills: bool) -> list[Object]:
+def houses(wall_m: float, *, sills: bool) -> list[Object]:
     """All houses, by the side of the square."""
     rows = {
         "north": (NORTH, "coloured fronts behind the saucer: their rows of windows meet its outline directly"),
@@ -324,5 +341,6 @@ def houses(wall_m: float, sills: bool) -> list[Object]:
         "south": (SOUTH, "fronts behind the camera: the middle of the hull mirrors them"),
     }
     return [
-        Object(f"houses-{side}", merged(*(house(h, wall_m, sills) for h in row)), shows) for side, (row, shows) in rows.items()
+        Object(f"houses-{side}", merged(*(house(h, wall_m, sills=sills) for h in row)), shows)
+        for side, (row, shows) in rows.items()
     ]

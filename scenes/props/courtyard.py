@@ -14,7 +14,8 @@ import numpy as np
 from benchharness.scene import Camera, Environment, Mesh, Object, merged
 
 from ..panoramas.surroundings import Ground, gallery
-from ..props.shapes import Colour, from_rest_to_rest, mixed, way_to
+from ..props.shapes import Colour
+from ..props.ways import from_rest_to_rest, mixed, way_to
 
 SIDE, SQUARE = 6.0, 0.1875
 """Of the floor, and of a square of its checker, metres."""

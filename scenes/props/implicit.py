@@ -60,7 +60,7 @@ class Blob:
         return np.stack([x, np.cross(z, x), z])
 
     def distance(self, p: np.ndarray) -> np.ndarray:
-        """Of points [..., 3], metres, to first order near the surface; negative inside."""
+        """Distance of points [..., 3] from the surface, metres, to first order near the surface; negative inside."""
         q = ((p - self.at) @ self.axes().T) / self.radii
         a = np.sqrt(np.einsum("...i,...i->...", q, q))
         q /= self.radii
@@ -68,7 +68,7 @@ class Blob:
         return np.where(a > 1e-6, a * (a - 1) / np.maximum(b, 1e-300), -min(self.radii))
 
     def gradient(self, p: np.ndarray) -> np.ndarray:
-        """Of `distance` at points [N, 3], float64 [N, 3]."""
+        """Gradient of `distance` at points [N, 3], float64 [N, 3]."""
         r = np.asarray(self.radii)
         y = (p - self.at) @ self.axes().T
         a, b = np.linalg.norm(y / r, axis=1)[:, None], np.linalg.norm(y / r**2, axis=1)[:, None]
@@ -77,7 +77,7 @@ class Blob:
 
 
 def limb(
-    start: Triple, end: Triple, radius: float, other: float | None = None, k: float = 0.01, cut: bool = False, part: str = ""
+    start: Triple, end: Triple, radius: float, other: float | None = None, *, k: float = 0.01, cut: bool = False, part: str = ""
 ) -> Blob:
     """A long blob whose tips are `start` and `end`; `radius` is half its width along its level x, `other` across (the same)."""
     a, b = np.asarray(start, np.float64), np.asarray(end, np.float64)

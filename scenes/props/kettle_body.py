@@ -105,22 +105,33 @@ def attached(centre: tuple[float, float, float], n: int) -> list[Object]:
     s = np.linspace(-1, 1, len(grip))
     wood = tube(grip, 0.0125 * np.sqrt(1 - 0.62 * s**6) * (1 - 0.12 * s * s), max(7, 2 * n // 3), WOOD)
 
-    way = CubicSpline(np.linspace(0, 1, 5), [(0.112, 0, 0.010), (0.146, 0, 0.028), (0.172, 0, 0.062), (0.192, 0, 0.102),
-                                             (0.220, 0, 0.124)])(s := np.linspace(0, 1, max(9, n // 2 + 2)))  # fmt: skip
+    way = CubicSpline(
+        np.linspace(0, 1, 5), [(0.112, 0, 0.010), (0.146, 0, 0.028), (0.172, 0, 0.062), (0.192, 0, 0.102), (0.220, 0, 0.124)]
+    )(s := np.linspace(0, 1, max(9, n // 2 + 2)))
     bend = tube(way, 0.0135 + 0.0195 * (1 - s) ** 1.5 + 0.002 * s**8, max(9, 2 * n // 3), (0.16, 0.045, 0.03))
     mouth = np.arange(len(bend.vertices)) == len(bend.vertices) - 1  # the middle of its end
     spout = pressed(replace(bend, albedo=np.where(mouth[:, None], 0.03, bend.albedo)))
 
-    profile = [(0.0125, top - 0.004), (0.0105, top + 0.006), (0.012, top + 0.011), (0.0195, top + 0.019),
-               (0.0205, top + 0.026), (0.015, top + 0.033), (0, top + 0.0355)]  # fmt: skip
+    profile = [
+        (0.0125, top - 0.004),
+        (0.0105, top + 0.006),
+        (0.012, top + 0.011),
+        (0.0195, top + 0.019),
+        (0.0205, top + 0.026),
+        (0.015, top + 0.033),
+        (0, top + 0.0355),
+    ]
     knob = pressed(lathe(profile, max(10, n), WOOD, sharp_deg=180))
 
     def stood(mesh: Mesh) -> Mesh:
         return placed(mesh, centre, SPOUT_DEG)
 
     return [
-        Object("handle", merged(stood(handle), stood(wood)), "a bow over the lid that starts from the mirror itself: "
-               "its image starts where it does"),
+        Object(
+            "handle",
+            merged(stood(handle), stood(wood)),
+            "a bow over the lid that starts from the mirror itself: its image starts where it does",
+        ),
         Object("spout", stood(spout), "a thick bent thing that grows out of the mirror"),
         Object("knob", stood(knob), "a small round thing that stands on the mirror, over its own image"),
-    ]  # fmt: skip
+    ]

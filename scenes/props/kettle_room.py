@@ -53,13 +53,16 @@ def shell(wall_m: float) -> list[Object]:
     ]
     ceiling = turned(sheet((0, 0, Z), (1, 0, 0), (0, 1, 0), flat(-X, X), flat(-Y, Y), (0.84, 0.82, 0.78)))
     return [
-        Object("floor", tiles((-X, -Y, 0), (2 * X, 0, 0), (0, 2 * Y, 0), (10, 10), floor),
-               "dark and pale tiles: a regular pattern whose bending in the mirror is plain to see"),
+        Object(
+            "floor",
+            tiles((-X, -Y, 0), (2 * X, 0, 0), (0, 2 * Y, 0), (10, 10), floor),
+            "dark and pale tiles: a regular pattern whose bending in the mirror is plain to see",
+        ),
         Object("panels", merged(*low), "a green band around the room at the height of the kettle's belly"),
         Object("walls", merged(*high), "the smooth bright ground that everything else stands out from"),
         Object("rail", merged(*rails), "one level white line all around, which the mirror bends"),
         Object("ceiling", ceiling, "what the kettle's dome mirrors; sends the window's light down"),
-    ]  # fmt: skip
+    ]
 
 
 def turned(mesh: Mesh) -> Mesh:
@@ -81,12 +84,23 @@ def _picture(width: float, height: float, frame: Colour, fields: list[tuple[floa
 def pictures() -> list[Object]:
     """On the back wall, over the kettle; and what the kettle shows of the other walls: a door, a cupboard."""
     night, sand, sky = (0.06, 0.12, 0.30), (0.80, 0.58, 0.22), (0.35, 0.58, 0.72)
-    sea = _picture(0.62, 0.46, DARK_OAK, [(0.16, 0.16, 0.84, 0.84, sky), (0.16, 0.16, 0.84, 0.42, night),
-                                          (0.40, 0.34, 0.62, 0.40, RED), (0.48, 0.40, 0.54, 0.70, WHITE)])  # fmt: skip
-    blocks = _picture(0.40, 0.52, (0.10, 0.09, 0.08), [(0.2, 0.2, 0.8, 0.8, sand), (0.2, 0.2, 0.5, 0.5, RED),
-                                                       (0.5, 0.5, 0.8, 0.8, night)])  # fmt: skip
-    stripes = _picture(0.46, 0.46, OAK, [(0.2, 0.2 + 0.15 * k, 0.8, 0.3 + 0.15 * k, c)
-                                         for k, c in enumerate((night, RED, sand, SAGE))])  # fmt: skip
+    sea = _picture(
+        0.62,
+        0.46,
+        DARK_OAK,
+        [
+            (0.16, 0.16, 0.84, 0.84, sky),
+            (0.16, 0.16, 0.84, 0.42, night),
+            (0.40, 0.34, 0.62, 0.40, RED),
+            (0.48, 0.40, 0.54, 0.70, WHITE),
+        ],
+    )
+    blocks = _picture(
+        0.40, 0.52, (0.10, 0.09, 0.08), [(0.2, 0.2, 0.8, 0.8, sand), (0.2, 0.2, 0.5, 0.5, RED), (0.5, 0.5, 0.8, 0.8, night)]
+    )
+    stripes = _picture(
+        0.46, 0.46, OAK, [(0.2, 0.2 + 0.15 * k, 0.8, 0.3 + 0.15 * k, c) for k, c in enumerate((night, RED, sand, SAGE))]
+    )
     hung = [
         placed(sea, (-0.78, Y, 1.12)),
         placed(blocks, (0.02, Y, 1.10)),
@@ -95,8 +109,11 @@ def pictures() -> list[Object]:
         placed(sea, (1.55, -Y, 1.20), 180),
     ]
     teal = (0.06, 0.30, 0.34)
-    panels = [bar((x, -Y + 0.02, z), (x + 0.28, -Y + 0.045, z + h), (0.09, 0.38, 0.42))
-              for x in (-0.34, 0.04) for z, h in ((0.15, 0.70), (1.0, 0.85))]  # fmt: skip
+    panels = [
+        bar((x, -Y + 0.02, z), (x + 0.28, -Y + 0.045, z + h), (0.09, 0.38, 0.42))
+        for x in (-0.34, 0.04)
+        for z, h in ((0.15, 0.70), (1.0, 0.85))
+    ]
     door = merged(
         box((-0.42, -Y, 0), (0.40, -Y + 0.03, 2.0), teal, "-y -z", 0.7),
         *(box((x, -Y, 0), (x + 0.06, -Y + 0.045, 2.06), WHITE, "-y -z", 0.9) for x in (-0.48, 0.40)),
@@ -139,8 +156,11 @@ def table(spacing: float, feet: list[tuple[float, float, float]]) -> list[Object
     top = _outside_cloth(top)
     low = HEIGHT - 0.035
     sides = box((x0, y0, low), (x1, y1, HEIGHT), OAK, "+z -z", 2 * spacing)
-    legs = [bar((x - 0.03, y - 0.03, 0), (x + 0.03, y + 0.03, low), DARK_OAK)
-            for x in (x0 + 0.07, x1 - 0.07) for y in (y0 + 0.07, y1 - 0.07)]  # fmt: skip
+    legs = [
+        bar((x - 0.03, y - 0.03, 0), (x + 0.03, y + 0.03, low), DARK_OAK)
+        for x in (x0 + 0.07, x1 - 0.07)
+        for y in (y0 + 0.07, y1 - 0.07)
+    ]
     return [
         Object("table-top", top, "contact shadows around all that stands on it"),
         Object("table-frame", merged(sides, *legs), "the table's edges and legs against the floor"),

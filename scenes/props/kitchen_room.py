@@ -47,15 +47,27 @@ def room(wall_m: float) -> list[Object]:
     right = sheet((X, 0, 0), y, z, flat(-Y, Y, 0.65, 1.3), flat(0, Z, 1.85), paint, hole=(0.65, 1.3, 0, 1.85))
     front = sheet((0, -Y, 0), x, z, flat(-X, X, 0.55, 1.45), flat(0, Z, 2.05), CREAM, hole=(0.55, 1.45, 0, 2.05))
     return [
-        Object("floor", tiles((-X, -Y, 0), (2 * X, 0, 0), (0, 2 * Y, 0), (8, 8), floor),
-               "two-tone tiles: a regular pattern whose bending in the mirror is plain to see"),
-        Object("splashback", tiles((-X, Y, COUNTER), (2 * X, 0, 0), (0, 0, 0.54), (14, 2), splash),
-               "small tiles right behind the bowl, where direct view and reflection meet at its outline"),
-        Object("walls", merged(back, *left, _turned(right), _turned(front)),
-               "the smooth bright ground that everything else stands out from"),
-        Object("ceiling", _turned(sheet((0, 0, Z), x, y, flat(-X, X), flat(-Y, Y), (0.84, 0.82, 0.78))),
-               "what the bowl's upper half mirrors; sends the window's light down"),
-    ]  # fmt: skip
+        Object(
+            "floor",
+            tiles((-X, -Y, 0), (2 * X, 0, 0), (0, 2 * Y, 0), (8, 8), floor),
+            "two-tone tiles: a regular pattern whose bending in the mirror is plain to see",
+        ),
+        Object(
+            "splashback",
+            tiles((-X, Y, COUNTER), (2 * X, 0, 0), (0, 0, 0.54), (14, 2), splash),
+            "small tiles right behind the bowl, where direct view and reflection meet at its outline",
+        ),
+        Object(
+            "walls",
+            merged(back, *left, _turned(right), _turned(front)),
+            "the smooth bright ground that everything else stands out from",
+        ),
+        Object(
+            "ceiling",
+            _turned(sheet((0, 0, Z), x, y, flat(-X, X), flat(-Y, Y), (0.84, 0.82, 0.78))),
+            "what the bowl's upper half mirrors; sends the window's light down",
+        ),
+    ]
 
 
 def _turned(mesh: Mesh) -> Mesh:
@@ -78,10 +90,13 @@ def window(daylight: float) -> list[Object]:
         ("sky", z0 + 0.52, z1, (0.80, 0.95, 1.15), "daylight: the strongest light in the room and in the bowl"),
     ]
     panes = [
-        Object(f"window-{name}", sheet((-X - 0.10, 0, 0), (0, 1, 0), (0, 0, 1), [y0, y1], [low, high], BLACK,
-                                       tuple(daylight * np.array(tint))), shows)
+        Object(
+            f"window-{name}",
+            sheet((-X - 0.10, 0, 0), (0, 1, 0), (0, 0, 1), [y0, y1], [low, high], BLACK, tuple(daylight * np.array(tint))),
+            shows,
+        )
         for name, low, high, tint, shows in view
-    ]  # fmt: skip
+    ]
     middle, height = 0.5 * (y0 + y1), z0 + 0.62 * (z1 - z0)
     bars = [
         bar((-X - 0.10, y0, z0 - 0.03), (-X + 0.10, y1, z0), WHITE),
@@ -94,7 +109,7 @@ def window(daylight: float) -> list[Object]:
     return [
         *panes,
         Object("window-frame", merged(*bars), "straight bars against the light, whose images in the bowl are curves"),
-    ]  # fmt: skip
+    ]
 
 
 def lamp(radiance: Colour, n: int) -> list[Object]:
@@ -276,7 +291,10 @@ def furniture(spacing: float) -> list[Object]:
 def chair(colour: Colour) -> Mesh:
     """A kitchen chair at the origin that looks towards +y."""
     w, d, seat, post = 0.20, 0.19, 0.45, 0.036
-    legs = [bar((x, y, 0), (x + post, y + post, top), colour)
-            for x in (-w, w - post) for y, top in ((-d, 0.92), (d - post, seat - 0.03))]  # fmt: skip
+    legs = [
+        bar((x, y, 0), (x + post, y + post, top), colour)
+        for x in (-w, w - post)
+        for y, top in ((-d, 0.92), (d - post, seat - 0.03))
+    ]
     rails = [bar((-w + post, -d + 0.005, z), (w - post, -d + 0.025, z + 0.09), colour) for z in (0.60, 0.80)]
     return merged(*legs, *rails, bar((-w, -d + post, seat - 0.03), (w, d, seat), colour))

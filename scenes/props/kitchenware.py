@@ -61,8 +61,9 @@ def mug(n: int, colour: Colour, radius: float = 0.042, height: float = 0.095) ->
     r, h, wall = radius, height, 0.005
     profile = [(0.93 * r, 0), (r, 0.012), (r, h), (r - wall, h), (r - wall, 0.012), (0, 0.012)]
     cup = lathe(profile, n, [colour, colour, colour, WHITE, WHITE])
-    grip = tube(arc((r - 0.004, 0, 0.5 * h), (0.034, 0, 0), (0, 0, 0.3 * h), -88, 88, max(6, n // 2)), 0.006,
-                max(5, n // 3), colour)  # fmt: skip
+    grip = tube(
+        arc((r - 0.004, 0, 0.5 * h), (0.034, 0, 0), (0, 0, 0.3 * h), -88, 88, max(6, n // 2)), 0.006, max(5, n // 3), colour
+    )
     return merged(cup, grip)
 
 
@@ -73,8 +74,7 @@ def kettle(n: int, colour: Colour) -> Mesh:
     black = (0.05, 0.045, 0.04)
     pot = lathe([*body, *lid], n + n // 4, [colour, colour, colour, colour, WHITE, colour, black, black, black], 60)
     bend = [(0.085, 0, 0.05), (0.125, 0, 0.075), (0.145, 0, 0.115), (0.165, 0, 0.14)]
-    spout = tube(bend, [0.024, 0.018, 0.013, 0.011],
-                 max(6, n // 2), colour)  # fmt: skip
+    spout = tube(bend, [0.024, 0.018, 0.013, 0.011], max(6, n // 2), colour)
     handle = tube(
         arc((0, 0, 0.10), (0.088, 0, 0), (0, 0, 0.145), 8, 172, max(8, 2 * n // 3)),
         0.008,

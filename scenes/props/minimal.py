@@ -47,7 +47,7 @@ def sphere(radius: float = 1.0, at=(0.0, 0.0, 0.0), fine: int = FINE) -> Mesh:
     return Mesh(radius * v + np.asarray(at), np.asarray(ball.faces), v / np.linalg.norm(v, axis=1, keepdims=True))
 
 
-def cap(mesh: Mesh, above: float, inside_out: bool = False) -> Mesh:
+def cap(mesh: Mesh, above: float, *, inside_out: bool = False) -> Mesh:
     """The faces of a mesh that lie wholly above a height z, and no other vertex; `inside_out`: seen from the other side."""
     faces = mesh.faces[(mesh.vertices[mesh.faces][:, :, 2] >= above - 1e-9).all(axis=1)]
     used, renumbered = np.unique(faces, return_inverse=True)

@@ -68,8 +68,9 @@ def tin(n: int, pattern: Sequence[tuple[float, Colour]], radius: float = 0.10, h
     r, h, rim = radius, height, 0.012
     low = lathe([(0, 0), (1.03 * r, 0), (1.03 * r, 0.6 * rim), (r, rim)], n, METAL)
     body = wrap(r, rim, h - rim, sectors(n, pattern))
-    top = lathe([(r, h - rim), (1.03 * r, h - 0.6 * rim), (1.03 * r, h), (0.96 * r, h), (0.95 * r, h - 0.006), (0, h - 0.006)],
-                n, METAL)  # fmt: skip
+    top = lathe(
+        [(r, h - rim), (1.03 * r, h - 0.6 * rim), (1.03 * r, h), (0.96 * r, h), (0.95 * r, h - 0.006), (0, h - 0.006)], n, METAL
+    )
     return merged(low, body, top)
 
 
@@ -153,8 +154,9 @@ def clouds(n: int) -> Object:
     shape = [(0, 0, 0, 0.22), (0.24, 0.02, -0.05, 0.16), (-0.25, -0.02, -0.06, 0.15), (0.08, 0.05, 0.13, 0.15)]
     parts = []
     for bearing, height, size in ((-62, 1.45, 1.05), (-150, 1.2, 1.2), (25, 1.3, 1.0)):
-        cloud = merged(*(Mesh(puff.vertices * [r, 0.6 * r, 0.7 * r] + [x, y, z], puff.faces, albedo=puff.albedo)
-                         for x, y, z, r in shape))  # fmt: skip
+        cloud = merged(
+            *(Mesh(puff.vertices * [r, 0.6 * r, 0.7 * r] + [x, y, z], puff.faces, albedo=puff.albedo) for x, y, z, r in shape)
+        )
         a = np.radians(bearing)
         parts.append(placed(cloud, (2.3 * np.cos(a), 2.3 * np.sin(a), height), bearing + 90, scale=size))
     return Object("clouds", merged(*parts), "white shapes in the sky, seen in the upper half of the eyes only")

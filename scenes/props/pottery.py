@@ -34,28 +34,32 @@ LID: tuple[Curve, ...] = (
 HEIGHT = 1.56
 """Top of the knob."""
 
-SPOUT = np.array([
-    # x, z of the middle; half height, half width; direction of the height, degrees from +x towards +z
-    (0.72, 0.40, 0.300, 0.250, 96.0),
-    (0.98, 0.46, 0.275, 0.225, 104.0),
-    (1.20, 0.61, 0.205, 0.170, 118.0),
-    (1.36, 0.82, 0.148, 0.128, 128.0),
-    (1.49, 1.04, 0.120, 0.108, 138.0),
-    (1.63, 1.20, 0.118, 0.105, 146.0),
-])  # fmt: skip
+SPOUT = np.array(
+    [
+        # x, z of the middle; half height, half width; direction of the height, degrees from +x towards +z
+        (0.72, 0.40, 0.300, 0.250, 96.0),
+        (0.98, 0.46, 0.275, 0.225, 104.0),
+        (1.20, 0.61, 0.205, 0.170, 118.0),
+        (1.36, 0.82, 0.148, 0.128, 128.0),
+        (1.49, 1.04, 0.120, 0.108, 138.0),
+        (1.63, 1.20, 0.118, 0.105, 146.0),
+    ]
+)
 LIP = 0.022
 """Half the thickness of the wall at the spout's mouth."""
-HANDLE = np.array([
-    (-0.72, 0.98, 0.075, 0.095, 90.0),
-    (-1.00, 1.03, 0.068, 0.090, 94.0),
-    (-1.28, 1.02, 0.064, 0.088, 120.0),
-    (-1.48, 0.90, 0.062, 0.086, 156.0),
-    (-1.53, 0.70, 0.062, 0.086, 192.0),
-    (-1.43, 0.50, 0.062, 0.086, 220.0),
-    (-1.22, 0.34, 0.064, 0.088, 238.0),
-    (-0.98, 0.24, 0.068, 0.090, 252.0),
-    (-0.76, 0.20, 0.072, 0.092, 262.0),
-])  # fmt: skip
+HANDLE = np.array(
+    [
+        (-0.72, 0.98, 0.075, 0.095, 90.0),
+        (-1.00, 1.03, 0.068, 0.090, 94.0),
+        (-1.28, 1.02, 0.064, 0.088, 120.0),
+        (-1.48, 0.90, 0.062, 0.086, 156.0),
+        (-1.53, 0.70, 0.062, 0.086, 192.0),
+        (-1.43, 0.50, 0.062, 0.086, 220.0),
+        (-1.22, 0.34, 0.064, 0.088, 238.0),
+        (-0.98, 0.24, 0.068, 0.090, 252.0),
+        (-0.76, 0.20, 0.072, 0.092, 262.0),
+    ]
+)
 REACH = 1.80
 """No point of the pot is further from its axis."""
 
@@ -158,11 +162,13 @@ def _with_mouth(stations: np.ndarray, count: int) -> np.ndarray:
     out = np.radians(end[4] - 90)
     out = np.array([np.cos(out), np.sin(out)])
     turn = np.radians(np.linspace(0, 180, 2 * (count // 3) + 1))[1:]
-    lip = np.column_stack([
-        end[:2] + LIP * np.sin(turn)[:, None] * out,
-        end[2:4] - LIP * (1 - np.cos(turn))[:, None],
-        np.full(len(turn), end[4]),
-    ])  # fmt: skip
+    lip = np.column_stack(
+        [
+            end[:2] + LIP * np.sin(turn)[:, None] * out,
+            end[2:4] - LIP * (1 - np.cos(turn))[:, None],
+            np.full(len(turn), end[4]),
+        ]
+    )
     inside = spline(length - np.array([0.03, 0.09, 0.16]))
     inside[:, 2:4] -= 2 * LIP
     inside[-1, 2:4] *= 0.7

@@ -92,12 +92,14 @@ def hull(segments: int, rings: int) -> Mesh:
     a, b, c, d = ((low + i).ravel() for i in (k, nxt, segments + nxt, segments + k))
     first, last = 1, 1 + segments * (rings - 3)
     top = last + segments
-    faces = np.concatenate([
-        np.stack([np.zeros_like(k), first + nxt, first + k], axis=1),
-        np.stack([a, b, c], axis=1),
-        np.stack([a, c, d], axis=1),
-        np.stack([last + k, last + nxt, np.full_like(k, top)], axis=1),
-    ])  # fmt: skip
+    faces = np.concatenate(
+        [
+            np.stack([np.zeros_like(k), first + nxt, first + k], axis=1),
+            np.stack([a, b, c], axis=1),
+            np.stack([a, c, d], axis=1),
+            np.stack([last + k, last + nxt, np.full_like(k, top)], axis=1),
+        ]
+    )
     return Mesh(turned(p), faces, turned(n))
 
 

@@ -1,4 +1,4 @@
-"""Shapes to build scenes from: boxes, sheets, tiles, surfaces of revolution, tubes; and how eyes and things move.
+"""Shapes to build scenes from: boxes, sheets, tiles, surfaces of revolution, tubes.
 
 Every shape is a `Mesh`, in metres, z up. Faces are counter-clockwise seen from outside. Vertices are shared where a
 surface is smooth and doubled where it has an edge or changes colour, so that interpolated normals and baked light do
@@ -9,7 +9,7 @@ carries baked light, not how finely it is drawn.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -17,7 +17,7 @@ import trimesh
 from scipy.interpolate import CubicSpline
 from scipy.spatial import Delaunay
 
-from benchharness.scene import Camera, Mesh, merged
+from benchharness.scene import Mesh, merged
 
 Colour = tuple[float, float, float]
 FACES = ("-x", "+x", "-y", "+y", "-z", "+z")
@@ -110,8 +110,10 @@ def box(lo, hi, albedo: Colour, omit: str = "", spacing: float = np.inf, bevel: 
     if unknown := set(omit.split()) - set(FACES):
         raise ValueError(f"box: omits {sorted(unknown)}; accepted: {', '.join(FACES)}")
     present = {(axis, side) for axis in range(3) for side in range(2) if FACES[2 * axis + side] not in omit.split()}
-    inner = [[value[k] + (bevel if side == 0 else -bevel) * ((k, side) in present) for k in range(3)]
-             for side, value in enumerate((lo, hi))]  # fmt: skip
+    inner = [
+        [value[k] + (bevel if side == 0 else -bevel) * ((k, side) in present) for k in range(3)]
+        for side, value in enumerate((lo, hi))
+    ]
     if not np.less(inner[0], inner[1]).all():
         raise ValueError(f"box: from {lo} to {hi} with a bevel of {bevel}; accepted: sides longer than their bevels")
     # Where lattice lines run on each axis, the same on all faces.
@@ -181,21 +183,20 @@ def lathe(profile, segments: int, albedo: Colour | Sequence[Colour], sharp_deg: 
         raise ValueError(f"lathe: {len(colours)} colours; accepted: 1, or {count} for a profile of {count + 1} points")
     way = np.diff(profile, axis=0)
     way /= np.linalg.norm(way, axis=1, keepdims=True)
-    edge = [(way[k - 1] * way[k]).sum() < np.cos(np.radians(sharp_deg)) or colours[k - 1] != colours[k]
-            for k in range(1, count)]  # fmt: skip
+    edge = [
+        (way[k - 1] * way[k]).sum() < np.cos(np.radians(sharp_deg)) or colours[k - 1] != colours[k] for k in range(1, count)
+    ]
     cuts = [0, *(np.flatnonzero(edge) + 1), count]
-    return merged(*(
-        from_trimesh(trimesh.creation.revolve(profile[a : b + 1], sections=segments), colours[a])
-        for a, b in pairwise(cuts)
-    ))  # fmt: skip
+    return merged(
+        *(from_trimesh(trimesh.creation.revolve(profile[a : b + 1], sections=segments), colours[a]) for a, b in pairwise(cuts))
+    )
 
 
 def ball(radius: float, segments: int, rings: int, albedo: Colour, emission: Colour = (0.0, 0.0, 0.0)) -> Mesh:
     """A sphere about the origin with exact normals; `rings` vertices from pole to pole."""
     angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, rings)
     profile = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    mesh = from_trimesh(trimesh.creation.revolve(profile, sections=segments),
-                        albedo, emission)  # fmt: skip
+    mesh = from_trimesh(trimesh.creation.revolve(profile, sections=segments), albedo, emission)
     return replace(mesh, normals=mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True))
 
 
@@ -230,12 +231,14 @@ def tube(path, radius: float | Sequence[float] | np.ndarray, segments: int, albe
     low_next = (np.arange(len(path) - 1)[:, None] * segments + (k + 1) % segments).reshape(-1)
     high, high_next = low + segments, low_next + segments
     last = (len(path) - 1) * segments
-    faces = np.concatenate([
-        np.stack([low, low_next, high_next], axis=1),
-        np.stack([low, high_next, high], axis=1),
-        np.stack([(k + 1) % segments, k, np.full(segments, len(vertices) - 2)], axis=1),
-        np.stack([last + k, last + (k + 1) % segments, np.full(segments, len(vertices) - 1)], axis=1),
-    ])  # fmt: skip
+    faces = np.concatenate(
+        [
+            np.stack([low, low_next, high_next], axis=1),
+            np.stack([low, high_next, high], axis=1),
+            np.stack([(k + 1) % segments, k, np.full(segments, len(vertices) - 2)], axis=1),
+            np.stack([last + k, last + (k + 1) % segments, np.full(segments, len(vertices) - 1)], axis=1),
+        ]
+    )
     return Mesh(vertices, faces, albedo=albedo)
 
 
@@ -303,47 +306,3 @@ def contact_sheet(lo, hi, z: float, spacing: float, feet: Sequence[tuple[float, 
     faces = faces[abs(area) > 1e-9]
     vertices = np.column_stack([points, np.full(len(points), z)])
     return Mesh(vertices, faces, np.tile([0.0, 0.0, 1.0], (len(points), 1)), albedo)
-
-
-def gently(time: float, duration: float) -> float:
-    """Share of a way, 0 to 1, that sets out and arrives gently: at `time` of `duration` seconds, and within both ends."""
-    s = float(np.clip(time / duration, 0.0, 1.0))
-    return s + np.sin(2 * np.pi * s) * -0.6 / (2 * np.pi)  # speed 1 - 0.6 cos: from 0.4 to 1.6 of the mean
-
-
-def from_rest_to_rest(time: float, duration: float) -> float:
-    """Share of a way, 0 to 1, at `time` of `duration` seconds and beyond both ends; without speed or acceleration at either."""
-    s = float(np.clip(time / duration, 0.0, 1.0))
-    return s * s * s * (s * (6 * s - 15) + 10)
-
-
-def mixed(ends: tuple[float, float], s: float) -> float:
-    """From the first to the second, linear in the share `s`."""
-    return (1 - s) * ends[0] + s * ends[1]
-
-
-def way_to(azimuth_deg: float, elevation_deg: float) -> np.ndarray:
-    """Unit vector, float64 [3]; azimuth from x towards y, elevation towards z."""
-    azimuth, elevation = np.radians(azimuth_deg), np.radians(elevation_deg)
-    return np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
-
-
-@dataclass(frozen=True)
-class Orbit:
-    """A camera that goes around `target` for `duration` seconds and then rests.
-
-    From and to are azimuth and elevation (degrees) and distance (metres) of the eye from there.
-    """
-
-    target: tuple[float, float, float]
-    azimuth_deg: tuple[float, float]
-    elevation_deg: tuple[float, float]
-    distance: tuple[float, float]
-    fov_deg: float
-    duration: float
-
-    def __call__(self, time: float) -> Camera:
-        s = gently(time, self.duration)
-        way = way_to(mixed(self.azimuth_deg, s), mixed(self.elevation_deg, s))
-        eye = np.asarray(self.target) + mixed(self.distance, s) * way
-        return Camera(tuple(eye.tolist()), self.target, self.fov_deg)

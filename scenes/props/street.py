@@ -131,10 +131,16 @@ def flatbed(n: int, cab: Colour, spacing: float) -> Mesh:
         *(box((x - 0.03, -1.14, 1.0), (x + 0.03, 1.14, 1.5), board, "-z", spacing, 0.015) for x in (-3.67, 1.27)),
     ]
     crate = box((-0.55, -0.5, 0), (0.55, 0.5, 1.0), (0.60, 0.40, 0.16), "-z", spacing, 0.04)
-    load = [placed(crate, at, turn) for at, turn in (((-2.9, -0.5, 1.0), 4), ((-2.9, 0.55, 1.0), -3), ((-1.6, 0.5, 1.0), 7),
-                                                     ((-2.75, 0.0, 2.0), 15))]  # fmt: skip
-    barrel = lathe([(0.34, 0), (0.42, 0.3), (0.42, 0.62), (0.34, 0.92), (0.30, 0.92), (0, 0.9)], n,
-                   [BLUE, (0.75, 0.62, 0.1), BLUE, BLUE, BLUE], sharp_deg=50)  # fmt: skip
+    load = [
+        placed(crate, at, turn)
+        for at, turn in (((-2.9, -0.5, 1.0), 4), ((-2.9, 0.55, 1.0), -3), ((-1.6, 0.5, 1.0), 7), ((-2.75, 0.0, 2.0), 15))
+    ]
+    barrel = lathe(
+        [(0.34, 0), (0.42, 0.3), (0.42, 0.62), (0.34, 0.92), (0.30, 0.92), (0, 0.9)],
+        n,
+        [BLUE, (0.75, 0.62, 0.1), BLUE, BLUE, BLUE],
+        sharp_deg=50,
+    )
     load += [placed(barrel, at) for at in ((-1.55, -0.6, 1.0), (-0.6, -0.6, 1.0), (-0.5, 0.45, 1.0), (0.5, -0.1, 1.0))]
     return merged(*bed, *load, *_cab(n, cab, 1.5, 3.3, 2.7), *_chassis(n, -3.7, 3.0, [-2.3, 2.3]))
 
@@ -147,8 +153,13 @@ def car(n: int, colour: Colour) -> Mesh:
     cabin = box((-1.25, -0.68, 0.9), (0.75, 0.68, 1.42), WINDOW, "-z", 0.8, 0.16)
     roof = box((-1.0, -0.58, 1.40), (0.5, 0.58, 1.47), colour, "-z", 0.8, 0.03)
     lamps = [bar((2.0, y - 0.18, 0.55), (2.06, y + 0.18, 0.72), LAMP) for y in (-0.55, 0.55)]
-    return merged(box((-2.0, -0.82, 0.32), (2.02, 0.82, 0.92), colour, "", 0.8, 0.12), cabin, roof, *lamps,
-                  *_wheels(n, 0.33, 0.22, [-1.25, 1.3], 0.72))  # fmt: skip
+    return merged(
+        box((-2.0, -0.82, 0.32), (2.02, 0.82, 0.92), colour, "", 0.8, 0.12),
+        cabin,
+        roof,
+        *lamps,
+        *_wheels(n, 0.33, 0.22, [-1.25, 1.3], 0.72),
+    )
 
 
 def tree(n: int, seed: int, height: float = 6.5) -> Mesh:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchharness.measure import completeness
-from benchharness.regime import Regime
+from benchharness.regime import MISSING, Regime
 from benchharness.scene import Mesh, Reflector, Scene
 
 from ..props.minimal import grid, sphere, stage, thing
@@ -20,7 +19,7 @@ REGIME = Regime(
     symptom="share of the vertices' visible reflections that are not found; FLIP in the mirror where a method has no vertices",
     bound=0.1,
     why="a vertex right at a caustic has two reflections that are nearly one; as FLIP, edges of the checkered floor differ",
-    measure=completeness.missing,
+    measure=MISSING,
 )
 
 

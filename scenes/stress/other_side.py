@@ -11,7 +11,7 @@ from ..props.minimal import GREEN, RED, eye, flat, sphere, stage, thing, towards
 
 
 def differing(seen: Seen) -> float | None:
-    """Of the pixels that show the ball in either picture, the share that does not show the same side of it in both."""
+    """Among the pixels that show the ball in either picture, the share that does not show the same side of it in both."""
     (own_red, red), (own_green, green) = seen.like(RED), seen.like(GREEN)
     same, all_of_it = (own_red & red) | (own_green & green), own_red | red | own_green | green
     return None if not all_of_it.any() else 1.0 - float(same.sum() / all_of_it.sum())

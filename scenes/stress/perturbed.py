@@ -35,6 +35,4 @@ def perturbed(severity: float) -> Scene:
         s1(),
     )
     mesh = noisy(mirror.mesh)
-    return stage(
-        [thing("floor", noisy(floor)), thing("ball", noisy(ball))], [replace(mirror, mesh=mesh, closed=mesh)]
-    )  # fmt: skip
+    return stage([thing("floor", noisy(floor)), thing("ball", noisy(ball))], [replace(mirror, mesh=mesh, closed=mesh)])

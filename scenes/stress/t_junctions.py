@@ -15,7 +15,7 @@ BAND = 3  # pixels to either side of a shared edge
 
 
 def cracks(seen: Seen) -> float | None:
-    """Of the pixels near the shared edges' true images, the share that shows what is behind the strips."""
+    """Among the pixels near the shared edges' true images, the share that shows what is behind the strips."""
     true = [seen.mask & (np.abs(seen.truth - colour).max(axis=2) < 0.02) for colour in (RED, GREEN)]
     near = [np.asarray(ndimage.binary_dilation(mask, iterations=BAND), bool) for mask in true]
     edge = near[0] & near[1] & (true[0] | true[1])
@@ -40,7 +40,10 @@ def t_junctions(severity: float) -> Scene:
         corner = (-2.0, -1.2, z), (0.0, 0.0, 0.5), (4.0, 0.0, 0.0)
         return shapes.sheet(*corner, np.linspace(0, 1, 9), np.linspace(0, 1, pieces + 1), RED)
 
-    return stage([
-        thing("far", strip(0.3, 64), RED), thing("middle", strip(0.8, int(severity)), GREEN),
-        thing("near", strip(1.3, 64), RED),
-    ])  # fmt: skip
+    return stage(
+        [
+            thing("far", strip(0.3, 64), RED),
+            thing("middle", strip(0.8, int(severity)), GREEN),
+            thing("near", strip(1.3, 64), RED),
+        ]
+    )

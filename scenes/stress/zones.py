@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from benchharness.measure import completeness
-from benchharness.regime import Regime
+from benchharness.regime import MISSING, Regime
 from benchharness.scene import Reflector, Scene
 
 from ..props.minimal import RED, cap, eye, sphere, stage, thing
@@ -16,7 +15,7 @@ REGIME = Regime(
     symptom="share of the vertices' visible reflections that are not found; FLIP in the mirror where a method has no vertices",
     bound=0.1,
     why="a vertex right at a caustic has two reflections that are nearly one; as FLIP, the ball's border differs",
-    measure=completeness.missing,
+    measure=MISSING,
 )
 
 

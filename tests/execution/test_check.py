@@ -7,8 +7,8 @@ from pathlib import Path
 import mitsuba as mi  # noqa: F401  (so that the variant is set)
 import pytest
 
-from benchharness.execution import check
-from benchharness.render.frame import FrameRenderer
+from benchharness.execution import check, tiny
+from benchharness.execution import findings as checks
 from benchharness.study import plugins, template
 
 GOOD = template.METHOD.format(title="Sky", name="Sky").replace('"none"', '"nobody 2024"')
@@ -17,7 +17,7 @@ GOOD = template.METHOD.format(title="Sky", name="Sky").replace('"none"', '"nobod
 def findings(folder: Path, text: str) -> list[check.Finding]:
     (folder / "sky.py").write_text(text)
     plugin = plugins.from_path("method", "sky.py", folder, "test")
-    return list(check.findings(plugin, FrameRenderer))
+    return list(checks.findings(plugin))
 
 
 def test_the_template_keeps_the_contract(tmp_path):
@@ -33,7 +33,7 @@ QUICK = ("environment_map", "ray_traced")
 
 @pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in METHODS])
 def test_every_method_of_the_package_keeps_the_contract(name):
-    found = list(check.findings(plugins.discover("method")[name], FrameRenderer))
+    found = list(checks.findings(plugins.discover("method")[name]))
     assert [f for f in found if f.level == "fail"] == []
 
 
@@ -170,7 +170,7 @@ def test_what_works_on_after_shade_has_returned_is_found(tmp_path, act, level, s
 
 
 def test_what_is_checked_is_a_mirror_within_walls():
-    assert check.tiny_scene().enclosed == (True,)
+    assert tiny.scene().enclosed == (True,)
 
 
 @pytest.mark.parametrize(

@@ -16,11 +16,11 @@ from benchharness.study import template
 pytestmark = pytest.mark.skipif(platform.bundled_llvm() is None, reason="this environment has no LLVM of its own")
 
 ROOM = """
-from benchharness.execution import check
+from benchharness.execution import tiny
 from benchharness.scene import Scene
 
 def room() -> Scene:
-    return check.tiny_scene()
+    return tiny.scene()
 """
 LOADED = """
 import {module}

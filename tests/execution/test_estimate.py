@@ -17,8 +17,8 @@ def test_times_are_said_in_a_unit_that_fits(seconds, words):
 
 def test_more_than_an_hour_is_to_be_asked_for():
     told = []
-    estimate.agreed("9 rows", 3600.0, False, told.append)
-    estimate.agreed("9 rows", 3601.0, True, told.append)
+    estimate.agreed("9 rows", 3600.0, told.append, yes=False)
+    estimate.agreed("9 rows", 3601.0, told.append, yes=True)
     assert told == ["9 rows: about 60 min", "9 rows: about 60 min"]
     with pytest.raises(ValueError, match=r"9 rows take about 2\.8 h; accepted: fewer of them, or --yes"):
-        estimate.agreed("9 rows", 1e4, False, told.append)
+        estimate.agreed("9 rows", 1e4, told.append, yes=False)

@@ -13,7 +13,7 @@ PLAN = {"config": "study", "frames": [[0, 2]]}
 
 
 def opened(path, resume=False, plan=PLAN):
-    return folder.opened("study", path, plan, resume)
+    return folder.opened("study", path, plan, resume=resume)
 
 
 def test_a_folder_is_filled_by_one_process_at_a_time(tmp_path):

@@ -17,7 +17,8 @@ import pytest
 from support import study
 from test_folder import damaged
 
-from benchharness.execution import runner, supervisor
+from benchharness import processes
+from benchharness.execution import attempt, runner
 from benchharness.study import config
 from benchharness.tables import columns, origin, results
 
@@ -137,6 +138,23 @@ def test_what_refuses_that_is_no_sentence_is_that_methods_crash(tmp_path, monkey
     assert found["quits"] == ("crashed", "refuses: SystemExit: 0")
     assert found["talks"][0] == "refused" and len(found["talks"][1]) < 1100
     assert found["last"] == ("ok", "")
+
+
+UNMADE = """
+    def __post_init__(self):
+        if self.behaviour == "unmade" and "worker" in sys.modules["__main__"].__spec__.name: raise OSError("no such table")
+
+    def refuses(self, scene):"""
+
+
+def test_a_method_that_a_worker_cannot_make_costs_its_own_rows_and_no_worker(tmp_path, monkeypatch):
+    monkeypatch.setattr(study, "METHOD", study.METHOD.replace("\n    def refuses(self, scene):", UNMADE, 1))
+    code, rows, _ = run(study.write(tmp_path, '["first", "unmade", "last"]'), tmp_path / "out")
+    found = {row["params"].split("=")[1].split(";")[0]: (row["status"], row["reason"] or "") for row in rows}
+    assert code == 3
+    assert found["unmade"] == ("crashed", "it cannot be made: OSError: no such table")
+    assert found["first"] == found["last"] == ("ok", "")
+    assert (tmp_path / "out" / "worker-0.log").read_text().count("OSError: no such table") == 1
 
 
 def test_a_scene_that_cannot_be_prepared_is_rows_too_which_are_tried_again(tmp_path):
@@ -349,7 +367,7 @@ def test_a_line_that_no_run_of_this_config_writes_is_damage(tmp_path, line):
     path, out = study.write(tmp_path, '["a"]'), tmp_path / "out"
     loaded = config.load(path)
     environment = origin.environment_hash(origin.environment(loaded.run.variant))
-    with runner.folder.opened("study", out, runner._plan(loaded, environment), False):
+    with runner.folder.opened("study", out, runner._plan(loaded, environment), resume=False):
         pass
     (out / "journal.jsonl").write_text(json.dumps(line) + "\n")
     with pytest.raises(ValueError, match=r"journal.jsonl: line 1 is damaged \(.*\); accepted: a new run"):
@@ -390,9 +408,12 @@ say(event="done")
 @pytest.mark.parametrize(
     ("word", "failed", "events"), [("goes on", None, ["waits", "frame"]), ("hangs", "frame 0 took more than 2 s", ["waits"])]
 )
-def test_waiting_for_the_machine_is_not_a_frames_time(word, failed, events):
-    with subprocess.Popen([sys.executable, "-c", SAYS, word], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
-        said = supervisor._events(process, 2.0, {"a"}, {0}, supervisor._Ending())
+def test_waiting_for_the_machine_is_not_a_frames_time(word, failed, events, tmp_path, monkeypatch):
+    (tmp_path / "says.py").write_text(SAYS)
+    monkeypatch.syspath_prepend(tmp_path)
+    child = processes.Child("says", word, log=tmp_path / "log")
+    try:
+        said = attempt.heard(child, 2.0, {"a"}, {0}, attempt.Ending())
         heard = []
         while True:
             try:
@@ -400,7 +421,8 @@ def test_waiting_for_the_machine_is_not_a_frames_time(word, failed, events):
             except StopIteration as end:
                 assert (heard, end.value) == (events, failed)
                 break
-        process.kill()
+    finally:
+        child.end()
 
 
 def test_the_machine_is_held_while_a_frame_is_timed_and_not_while_its_reference_is_made(tmp_path, monkeypatch):

@@ -14,9 +14,9 @@ from support.mirror_room import mirror_ball, orbit, scene, still, walls
 from support.small_room import quad
 
 from benchharness.api import Method, Reflection
-from benchharness.measure import bench as bench_module
-from benchharness.measure import metrics
-from benchharness.measure.bench import Bench, converged_share, run_up
+from benchharness.measure import metrics, points, runup
+from benchharness.measure.bench import Bench
+from benchharness.measure.points import converged_share
 from benchharness.measure.rounds import KERNEL_ROUNDS
 from benchharness.render.reference import ReferenceOptions
 from benchharness.scene import Object, Reflector, Scene
@@ -35,7 +35,7 @@ VERTICES = "residual_px converged_ratio wrong_ratio iterations_mean iterations_m
 def own_cache(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("BENCHHARNESS_CACHE", str(tmp_path_factory.mktemp("cache")))
-        patch.setattr(bench_module, "VERTEX_SAMPLE", 50)  # the true points take most of the time
+        patch.setattr(points, "SAMPLE", 50)  # the true points take most of the time
         yield
 
 
@@ -416,13 +416,13 @@ def test_searches_that_came_to_nothing_count_as_not_converged_and_hidden_vertice
 
 
 def test_the_run_up_is_the_frames_before_or_at_the_start_those_after():
-    assert run_up(7, 20) == [5, 6, 7]
-    assert run_up(2, 20) == [0, 1, 2]
-    assert run_up(1, 20) == [3, 2, 1]
-    assert run_up(0, 20) == [2, 1, 0]
-    assert run_up(0, 1) == [0]
-    assert run_up(0, 2) == [1, 0]
-    assert run_up(1, 2) == [1]
+    assert runup.numbers(7, 20) == [5, 6, 7]
+    assert runup.numbers(2, 20) == [0, 1, 2]
+    assert runup.numbers(1, 20) == [3, 2, 1]
+    assert runup.numbers(0, 20) == [2, 1, 0]
+    assert runup.numbers(0, 1) == [0]
+    assert runup.numbers(0, 2) == [1, 0]
+    assert runup.numbers(1, 2) == [1]
 
 
 def test_a_single_frame_has_no_change_and_no_jitter():

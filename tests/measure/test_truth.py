@@ -145,7 +145,7 @@ def test_each_of_several_points_goes_on_as_itself():
     )
     assert far[0, 1] > 0.9 and close[0, 1] < -0.9
     for before in (far, close):
-        after = truth.continued(made, 1.0, 0, np.array([0]), before)
+        after = truth.Mirror(made, 1.0, (8, 8), 0).continued(np.array([0]), before)
         # The eye moved by 0.02 and takes the point along by one or two times that; the other point is 1.9 away.
         assert 0 < np.linalg.norm(after - before) < 0.1
 
@@ -206,7 +206,8 @@ def test_a_sheet_may_be_a_mirror_on_its_back_too(ball):
     """Alhazen's points of the inside, of a ball whose normals point outward."""
     eye, V = np.array([0.1, 0.05, -0.6]), np.array([[0.2, -0.1, 0.3]])
     outward = [
-        truth.every_reflection_point(ball.vertices, ball.normals, ball.faces, eye, V, both)[0][0] for both in (False, True)
+        truth.every_reflection_point(ball.vertices, ball.normals, ball.faces, eye, V, both_sides=both)[0][0]
+        for both in (False, True)
     ]
     assert len(outward[0]) == 0
     assert same_points(outward[1], alhazen_inside(eye, V[0]), 2e-3)

@@ -25,8 +25,7 @@ from support.mirror_room import ball, balls, mirror_ball, mirror_room, plain, sc
 from support.small_room import box
 from support.touching_ball import contact_gap_px, image, overlap, overlap_of_ends
 
-from benchharness.execution import check
-from benchharness.render.frame import FrameRenderer
+from benchharness.execution import findings
 from benchharness.scene import Mesh, Object, merged
 from benchharness.study import plugins
 from methods.billboard_impostor import BillboardImpostor
@@ -284,6 +283,6 @@ def test_a_resolution_that_is_no_power_of_two_is_refused(name):
 
 @pytest.mark.parametrize("name", ["billboard_impostor", "depth_impostor"])
 def test_the_contract_is_kept(name):
-    found = list(check.findings(plugins.discover("method")[name], FrameRenderer))
+    found = list(findings.findings(plugins.discover("method")[name]))
     assert [f for f in found if f.level == "fail"] == []
     assert len(found) >= 12

@@ -19,6 +19,7 @@ from support.star_shapes import Bumpy, Ellipsoid
 from support.stress_rooms import law
 from support.truth_shapes import unit
 
+from benchharness.kernels.pixels import WRONG_PX
 from benchharness.measure import truth
 from benchharness.scene import Camera, Mesh, Object, Reflector
 from benchharness.study import params, plugins
@@ -28,7 +29,6 @@ COUNT = 24_000  # vertices of an example
 EXAMPLES = 7  # per mirror and method: with three methods, 24,000 · 7 · 3 is half a million
 SIZE = (320, 240)
 FOV_DEG = 40.0
-WRONG_PX = 2.0
 FEWEST_STEPS = 250  # more than any method's limit
 
 

@@ -84,7 +84,9 @@ def pixels_off(
     off = _off(p[chosen], n[chosen], eye, V[:, None], b, R, screen)
     far = np.flatnonzero(off > enough)[:ASKED]
     mesh = mirror.mesh
-    points, _ = truth.every_reflection_point(mesh.vertices, mesh.normals, mesh.faces, eye, V[far], mirror.closed is None)
+    points, _ = truth.every_reflection_point(
+        mesh.vertices, mesh.normals, mesh.faces, eye, V[far], both_sides=mirror.closed is None
+    )
     for i, P in zip(far, points, strict=True):
         if len(P):
             off[i] = np.nanmin(np.append(np.linalg.norm(screen(P) - screen(R[i]), axis=1), off[i]))

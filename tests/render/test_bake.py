@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from support.small_room import box, quad, sphere
 
+from benchharness.modelling.winding import closed_faces
 from benchharness.render import bake as bake_module
-from benchharness.render.bake import bake, closed_faces
+from benchharness.render.bake import bake
 from benchharness.scene import Camera, Mesh, Object, Reflector, Scene, merged, subdivided
 
 

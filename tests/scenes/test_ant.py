@@ -22,7 +22,7 @@ MOMENTS = (0.0, 0.5, 1.3, 2.7, 3.96)
 
 @cache
 def built(detail="lean", eyes=EYES, moving=True) -> Scene:
-    return ant(detail, eyes, moving)
+    return ant(detail, eyes, moving=moving)
 
 
 @cache

@@ -16,7 +16,8 @@ from scenes.bunnies import CELLS, MIRROR_DEG, SCALE, bunnies
 from scenes.panoramas.meadow import SUN_DEG, painted
 from scenes.props import creature
 from scenes.props.implicit import field, gradient
-from scenes.props.shapes import pose, way_to
+from scenes.props.shapes import pose
+from scenes.props.ways import way_to
 
 MOMENTS = (0, 20, 49, 58, 66, 74, 82, 90, 99)
 """Frames; the furry bunny moves from the fifth on."""
@@ -24,7 +25,7 @@ MOMENTS = (0, 20, 49, 58, 66, 74, 82, 90, 99)
 
 @cache
 def built(detail="lean", moving=True) -> Scene:
-    return bunnies(detail, moving)
+    return bunnies(detail, moving=moving)
 
 
 def part(name: str):

@@ -21,7 +21,7 @@ ATTACHED = ("handle", "spout", "knob")
 
 @cache
 def built(detail="lean", moving=True) -> Scene:
-    return kettle(detail, moving)
+    return kettle(detail, moving=moving)
 
 
 def named(scene: Scene, name: str):

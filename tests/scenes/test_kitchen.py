@@ -19,7 +19,7 @@ BOWLS = ("convex", "concave", "torus")
 
 @cache
 def built(detail="lean", bowl="convex", moving=False) -> Scene:
-    return kitchen(detail, bowl, moving)
+    return kitchen(detail, bowl, moving=moving)
 
 
 def face_normals(mesh: Mesh) -> np.ndarray:

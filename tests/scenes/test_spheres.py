@@ -17,7 +17,7 @@ BOUNCES = f"sphere-{BOUNCER + 1}-{PLACES[BOUNCER].metal}"
 
 @cache
 def built(detail="lean", count=COUNT, moving=True) -> Scene:
-    return spheres(detail, count, moving)
+    return spheres(detail, count, moving=moving)
 
 
 @pytest.mark.parametrize(("detail", "triangles"), [("lean", 1520), ("paper", 5888)])

@@ -26,7 +26,7 @@ MIRRORS = ("silver teapot", "gold teapot")
 
 @cache
 def built(detail="lean", moving=True) -> Scene:
-    return statue(detail, moving)
+    return statue(detail, moving=moving)
 
 
 @cache

@@ -17,7 +17,7 @@ from scenes.teapots import DETAILS, GLIDER, HALF, PLACES, POTS, SUNK, TURN_DEG, 
 
 @cache
 def built(detail="lean", pots=POTS, moving=True) -> Scene:
-    return teapots(detail, pots, moving)
+    return teapots(detail, pots, moving=moving)
 
 
 # What is asked for

@@ -22,7 +22,7 @@ TIMES = np.linspace(0.0, 3.96, 10)
 
 @cache
 def built(detail="lean", moving=True) -> Scene:
-    return ufo(detail, moving)
+    return ufo(detail, moving=moving)
 
 
 def depth_inside(points: np.ndarray) -> np.ndarray:

@@ -86,11 +86,14 @@ def test_reflections_and_whole_pictures_are_those_of_ray_traced(seen, world, coh
     method = stage.method("ray_traced")
     frame = seen.frame
     expected = method.shade(seen.warmed(method), frame)[0]
-    L, distance = embree.reflection(world, frame, coherent)
+    L, distance = embree.reflection(world, frame, coherent=coherent)
     active = np.array(frame.active)
     np.testing.assert_allclose(np.array(L)[:, active], np.array(expected.L)[:, active], atol=1e-3)
     np.testing.assert_allclose(np.array(distance)[active], np.array(expected.distance)[active], rtol=1e-4)
-    image, whole = (np.array(seen.renderer.compose(frame, expected.L)), np.array(embree.picture(world, frame.view, coherent)))
+    image, whole = (
+        np.array(seen.renderer.compose(frame, expected.L)),
+        np.array(embree.picture(world, frame.view, coherent=coherent)),
+    )
     close = np.abs(image - whole).max(axis=0) < 1e-2
     assert close.mean() > 0.99  # but for rays along edges
     assert close[active].mean() > 0.98
@@ -102,10 +105,12 @@ def test_moving_the_world_moves_what_its_mirrors_show(moving_room):
     active = np.array(moved.frame.active)
     expected = np.array(method.shade(moved.warmed(method), moved.frame)[0].L)[:, active]
     world = embree.build(moving_room, 0.0)
-    before = np.array(embree.reflection(world, moved.frame, True)[0])[:, active]
+    before = np.array(embree.reflection(world, moved.frame, coherent=True)[0])[:, active]
     assert np.abs(before - expected).max() > 0.1
     world = embree.move(world, moved.frame.poses)
-    np.testing.assert_allclose(np.array(embree.reflection(world, moved.frame, True)[0])[:, active], expected, atol=1e-3)
+    np.testing.assert_allclose(
+        np.array(embree.reflection(world, moved.frame, coherent=True)[0])[:, active], expected, atol=1e-3
+    )
 
 
 def test_a_mirror_that_moved_is_seen_where_it_stands_with_its_normals_turned(room):
@@ -348,7 +353,7 @@ def test_embree_shows_a_panorama_as_the_harness_does():
     )
     renderer = FrameRenderer(made, *SIZE)
     expected = shaded(RayTraced(), made, 0, renderer=renderer)[0]
-    whole = np.array(embree.picture(embree.build(made, 0.0), expected.frame.view, True))
+    whole = np.array(embree.picture(embree.build(made, 0.0), expected.frame.view, coherent=True))
     image = np.array(renderer.compose(expected.frame, expected.reflection.L))
     assert (np.abs(image - whole).max(axis=0) > 1e-4).mean() < 0.003
     assert np.ptp(image) > 0.7

@@ -14,6 +14,7 @@ from support.motion_plugins import SHIFT
 from benchharness.measure import metrics
 from benchharness.report import motion as pictures
 from benchharness.stability import film, markers, motion, strips, watch
+from benchharness.stability.plan import Motion
 from benchharness.study import plugins
 from benchharness.study.methods import Entry, plugged_in
 from benchharness.tables import files, stability
@@ -64,7 +65,7 @@ def test_what_is_wrong_and_changes_as_the_reference_does_does_not_pop():
 
 def disc(x: float, y: float, radius: float, size: int = 60) -> np.ndarray:
     """A disc about (x, y), pixels, at PLACES x PLACES places per pixel."""
-    at = (np.arange(motion.PLACES * size) + 0.5) / motion.PLACES
+    at = (np.arange(Motion.places * size) + 0.5) / Motion.places
     return ((at[None] - x) ** 2 + (at[:, None] - y) ** 2 < radius**2).astype(float)
 
 
@@ -72,21 +73,21 @@ def test_the_tremble_of_a_disc_is_found_to_what_sampling_allows():
     # To and fro by a, the second difference is 4 a; the way itself is straight.
     way = [(20.0 + 0.37 * k, 30.0 + 0.21 * k) for k in range(24)]
     shaken = [(x + 0.3 * (-1) ** k, y) for k, (x, y) in enumerate(way)]
-    true, seen = (np.array([markers.centroid(disc(*p, 12.0), motion.PLACES) for p in path])[:, None] for path in (way, shaken))
-    noise = markers.uncertainty(disc(20.0, 30.0, 12.0), motion.PLACES) * np.sqrt(2 * 6)
+    true, seen = (np.array([markers.centroid(disc(*p, 12.0), Motion.places) for p in path])[:, None] for path in (way, shaken))
+    noise = markers.uncertainty(disc(20.0, 30.0, 12.0), Motion.places) * np.sqrt(2 * 6)
     assert noise < 0.1
     assert metrics.jitter_px(seen - true) == pytest.approx(1.2, abs=2 * noise)
     # A picture that is elsewhere all the time, by so much that nothing is sampled alike, does not tremble beyond the noise.
-    away = np.array([markers.centroid(disc(x + 7.13, y + 3.41, 12.0), motion.PLACES) for x, y in way])[:, None]
+    away = np.array([markers.centroid(disc(x + 7.13, y + 3.41, 12.0), Motion.places) for x, y in way])[:, None]
     assert metrics.jitter_px(away - true) < 2 * noise
 
 
 def test_the_uncertainty_of_a_centroid_is_what_discs_at_random_places_show():
     places = 30 + np.random.default_rng(1).uniform(0, 1, (300, 2))
-    off = [markers.centroid(disc(x, y, 9.0), motion.PLACES) - (x, y) for x, y in places]
+    off = [markers.centroid(disc(x, y, 9.0), Motion.places) - (x, y) for x, y in places]
     found = float(np.sqrt((np.array(off) ** 2).sum(axis=1).mean()))
     # Places along an edge do not fall independently: a disc's own symmetry takes some of it away.
-    assert 0.4 < found / markers.uncertainty(disc(30.2, 30.7, 9.0), motion.PLACES) < 1.2
+    assert 0.4 < found / markers.uncertainty(disc(30.2, 30.7, 9.0), Motion.places) < 1.2
 
 
 def test_a_root_switches_where_a_point_leaves_the_root_that_it_was_at():
@@ -123,7 +124,8 @@ def test_roots_that_a_cold_start_has_elsewhere_are_counted():
 def steady(tmp_path_factory, module_cache):
     folder = tmp_path_factory.mktemp("steady")
     names = ("ray_traced", "newton", "environment_map", "Shaky")
-    groups = motion.units([entry(name) for name in names], [TURNING], ["steady"], count=COUNT, substeps=1, start=10, size=SIZE)
+    asked = Motion((TURNING,), ("steady",), frames=COUNT, substeps=1, start=10, size=SIZE)
+    groups = motion.units([entry(name) for name in names], asked)
     (group,) = groups.values()
     found = dict(zip(names, zip(group, motion.work(group, folder), strict=True), strict=True))
     return folder, found
@@ -181,7 +183,7 @@ def test_rows_have_the_columns_and_pictures_are_there(steady, tmp_path):
 @pytest.fixture(scope="module")
 def cut(tmp_path_factory, module_cache):
     names = ("newton", "Lagging")
-    groups = motion.units([entry(name) for name in names], [TURNING], ["cut"], substeps=1, size=SIZE)
+    groups = motion.units([entry(name) for name in names], Motion((TURNING,), ("cut",), substeps=1, size=SIZE))
     (group,) = groups.values()
     return dict(zip(names, motion.work(group, tmp_path_factory.mktemp("cut")), strict=True))
 
@@ -228,18 +230,18 @@ def test_the_start_is_where_most_moves():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"scenes": ["kitchn"]}, "did you mean 'kitchen'"),
-        ({"kinds": ["stedy"]}, "accepted: steady, cut, teleport"),
+        ({"scenes": ("kitchn",)}, "did you mean 'kitchen'"),
+        ({"kinds": ("stedy",)}, "accepted: steady, cut, teleport"),
     ],
 )
 def test_bad_input_is_refused_before_anything_runs(options, message):
     with pytest.raises(ValueError, match=message):
-        motion.units([], **options)
+        motion.units([], Motion(**options))
 
 
 def test_every_scene_runs_where_none_is_named():
     scenes = [name for name, plugin in plugins.discover("scene").items() if plugin.error is None]
-    assert len(scenes) > 1 and list(motion.units([])) == scenes
+    assert len(scenes) > 1 and list(motion.units([], Motion())) == scenes
 
 
 @pytest.mark.parametrize(("start", "count", "message"), [(39, 6, "frames 0 to 34"), (None, 99, "3 to 40")])

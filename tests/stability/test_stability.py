@@ -19,7 +19,7 @@ from benchharness import stability
 from benchharness.execution import folder
 from benchharness.regime import miss
 from benchharness.report import matrix
-from benchharness.stability import atlas, children, plan
+from benchharness.stability import atlas, children, motion, perturbation, plan
 from benchharness.tables import naming
 from scenes import stress
 
@@ -192,6 +192,44 @@ def test_what_ends_or_hangs_a_process_costs_its_own_rows_only(plugins_here, tmp_
     assert records["broken"]["status"] == status and reason in records["broken"]["reason"]
     assert records["ray_traced"]["status"] == "ok"
     assert atlas.row(done[0].unit, done[0].record)["verdict"] == "fails"
+
+
+ODD = """
+from benchharness.api import Method
+
+class Unmade(Method):
+    paper = "none"
+    def __init__(self): raise OSError("no such table")
+    def prepare(self, scene): return None
+    def shade(self, state, frame): raise NotImplementedError
+
+class Counting(Method):
+    paper = "none"
+    def refuses(self, scene): return 7
+    def prepare(self, scene): return None
+    def shade(self, state, frame): raise NotImplementedError
+"""
+SMALL = plan.Motion(
+    (f"{Path(__file__).parents[1] / 'support' / 'motion_plugins.py'}:turning",), ("cut",), substeps=1, size=(64, 48)
+)
+
+
+@pytest.mark.parametrize(
+    ("study", "units"),
+    [
+        (atlas, lambda entries: atlas.units(entries, ["contact"], 0.0)),
+        (motion, lambda entries: motion.units(entries, SMALL)),
+        (perturbation, lambda entries: perturbation.units(entries, ["contact"])),
+    ],
+)
+def test_what_cannot_be_made_or_refuses_without_words_is_that_methods_crash(plugins_here, tmp_path, study, units):
+    (tmp_path / "odd.py").write_text(ODD)
+    ((_, group),) = units([Entry(name, f"{tmp_path / 'odd.py'}:{name}", {}) for name in ("Unmade", "Counting")]).items()
+    records = list(study.work(group[:2], tmp_path))
+    assert [(record["status"], record["reason"]) for record in records] == [
+        ("crashed", "it cannot be made: OSError: no such table"),
+        ("crashed", "refuses: TypeError: refuses returns int; accepted: a sentence, or None"),
+    ]
 
 
 def table(folder):

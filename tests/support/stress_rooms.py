@@ -12,7 +12,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 from support.mirror_room import shaded
 
-from benchharness.measure.bench import run_up
+from benchharness.measure import runup
 from benchharness.render.frame import FrameRenderer
 from benchharness.scene import Camera, Mesh, Reflector, Scene, refined
 from benchharness.stability import altered, atlas
@@ -103,7 +103,7 @@ def shown(method: str, regime: str, severity: float, variant: str = "as it is", 
     asked = METHODS[method](**parameters)
     if asked.refuses(scene) is not None:
         return None
-    answer = shaded(asked, scene, *run_up(REGIMES[regime][0].frame, scene.frames), size=SIZE, renderer=renderer)[-1]
+    answer = shaded(asked, scene, *runup.numbers(REGIMES[regime][0].frame, scene.frames), size=SIZE, renderer=renderer)[-1]
     vertices = None
     if answer.reflection.vertices is not None:
         fields_of_first = {k: v for k, v in vars(answer.reflection.vertices).items() if k != "further"}

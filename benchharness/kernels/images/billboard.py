@@ -30,11 +30,11 @@ import numpy as np
 
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.images.impostor import FIELD
+from benchharness.kernels.pixels import WRONG_PX
 
 NONE = 0xFFFF_FFFF  # no billboard
 PARALLEL = 1e-6  # a ray whose direction has less than this along a quad's normal misses it
 OPAQUE = 0.5  # coverage from which a texel stops a ray
-OFF_PX = 2.0  # on the screen: what is shown further off than this is doubted
 COVERED = 0.05  # coverage from which a texel as wide as a ray's way through the bounds is not empty
 SINE = float(np.sin(0.5 * FIELD))  # a camera stands 1 / SINE radii away
 COARSEST = 4  # texels across the last mip level
@@ -218,7 +218,7 @@ class Quad:
         t = 0.5 * (lo + hi)
         q = mi.Vector3f(self.o) + t * self.d - mi.Vector3f(self.middle.xyz)
         w = dr.normalize((self.k.w / SINE + dr.dot(q, self.k.xyz)) * self.k.xyz - q)
-        off = spread.pixels(t, height * (w - dr.dot(w, self.d) * self.d)) > OFF_PX
+        off = spread.pixels(t, height * (w - dr.dot(w, self.d) * self.d)) > WRONG_PX
         return Way((chord2 > 0) & (lo < hi), lo, hi, off)
 
 

@@ -15,6 +15,7 @@ import mitsuba as mi
 from benchharness.kernels import optics, selfmet
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.images import backdrop, billboard, relief
+from benchharness.kernels.pixels import WRONG_PX
 
 LEAST_COVERAGE = 0.05  # a texel at an object's border is brightened by no more than its inverse
 FARTHEST = 1e6  # metres: no further is it told how far rays are apart
@@ -136,7 +137,7 @@ def _shown(cast: Cast, manner: Manner, mirror: mi.UInt32, o, d, met: billboard.H
         distance = dr.select(ground < dr.inf, ground, away)
         if dr.hint(manner.doubts, mode="scalar"):
             beside = backdrop.beside(cast.backdrop, mirror, o, d, mi.Bool(True))
-            off = (distance < dr.inf) & (apart.pixels(dr.minimum(distance, FARTHEST), beside) > billboard.OFF_PX)
+            off = (distance < dr.inf) & (apart.pixels(dr.minimum(distance, FARTHEST), beside) > WRONG_PX)
     return L, distance, far, off
 
 

@@ -23,7 +23,7 @@ import mitsuba as mi
 import numpy as np
 import trimesh
 
-from benchharness.kernels import depths, geometry, hierarchy, raster
+from benchharness.kernels import depths, geometry, mitsuba_mesh, raster
 from benchharness.kernels.placement import Place, place, unit
 
 CANDIDATES = 192  # points of the mesh that a cold search chooses its start from
@@ -139,7 +139,7 @@ def mesh(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, backs: bo
     candidates = mi.UInt32(chosen.astype(np.uint32))
     dr.make_opaque(size, centre, candidates)
     return Mesh(
-        hierarchy.ray_scene(vertices, faces), mi.Float(packed.ravel()), mi.UInt32(quads.ravel()), candidates,
+        mitsuba_mesh.scene(vertices, faces), mi.Float(packed.ravel()), mi.UInt32(quads.ravel()), candidates,
         mi.Float(middles.ravel()), centre, size, is_convex(vertices, faces), bool((tags == raster.CLOSED).all()),
     )  # fmt: skip
 

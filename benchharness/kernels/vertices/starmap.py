@@ -21,7 +21,7 @@ import numpy as np
 from scipy.ndimage import binary_erosion
 from scipy.spatial import KDTree
 
-from benchharness.kernels import cubemap, hierarchy
+from benchharness.kernels import cubemap, mitsuba_mesh
 
 TOLERATED = 1e-3  # share of the directions that may meet nothing, or the surface again, by the rounding of a ray at an edge
 STEP = 1e-4  # a second hit is looked for this much further, relative to the first
@@ -136,7 +136,7 @@ def _checked(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, n: in
 def _met(vertices, normals, faces, centre, d) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Where rays from `centre` along d [T, 3] meet the mesh: distance [T], unit normal [T, 3], hit [T], hit again [T]."""
     # Texels and vertices often lie on the same meridians.
-    scene = hierarchy.ray_scene(vertices - centre, faces)
+    scene = mitsuba_mesh.scene(vertices - centre, faces)
     ray = mi.Vector3f(np.asarray(d, np.float32).T)
     first = scene.ray_intersect_preliminary(mi.Ray3f(mi.Point3f(0), ray))
     hit = first.is_valid()

@@ -15,12 +15,12 @@ from support.stress_rooms import law
 from test_fuzz import METHODS, points_of
 
 from benchharness.api import Method
+from benchharness.kernels.pixels import WRONG_PX
 from benchharness.kernels.vertices.newton import NEAREST
 
 SIZE = (320, 240)
 COUNT = 6_000
 SOLVED = 300
-WRONG_PX = 2.0
 SEEDS = {"fine": 1, "finest": 1}
 ASKED = {
     "newton": ("newton", {}),
