@@ -23,7 +23,7 @@ def call(*arguments: object):
 
 @pytest.fixture
 def fake(monkeypatch, plugins_here):
-    monkeypatch.setattr(runner, "BENCH", "study:Bench")
+    monkeypatch.setattr(runner, "BENCH", "support.study:Bench")
     monkeypatch.setattr(report, "write", lambda folder: folder / "report.html", raising=False)
 
 

@@ -28,10 +28,9 @@ def test_the_template_keeps_the_contract(tmp_path):
 
 
 METHODS = [name for name, plugin in plugins.discover("method").items() if plugin.error is None]
-QUICK = ("environment_map", "ray_traced")
 
 
-@pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in METHODS])
+@pytest.mark.parametrize("name", METHODS)
 def test_every_method_of_the_package_keeps_the_contract(name):
     found = list(check.findings(plugins.discover("method")[name], FrameRenderer))
     assert [f for f in found if f.level == "fail"] == []

@@ -12,14 +12,14 @@ from pathlib import Path
 
 import mitsuba as mi  # noqa: F401  (so that the variant is set)
 import pytest
-import test_runner
 from support import mortal_bench, study
+from support.ear import Ear
 
 from benchharness import report
 from benchharness.execution import runner
 from benchharness.study import config
 
-BENCH = "mortal_bench:Bench"
+BENCH = "support.mortal_bench:Bench"
 BEHAVIOURS = '["a", "poison"]'
 
 
@@ -31,8 +31,8 @@ def tables_only(monkeypatch):
     monkeypatch.setattr(report, "write", lambda folder: folder / "report.html")
 
 
-def run(path: Path, out: Path, bench: str = BENCH, **options) -> tuple[int, test_runner.Ear]:
-    ear = test_runner.Ear()
+def run(path: Path, out: Path, bench: str = BENCH, **options) -> tuple[int, Ear]:
+    ear = Ear()
     return runner.run(config.load(path), out, ear, bench=bench, **options)[0], ear
 
 
@@ -43,7 +43,7 @@ def statuses(out: Path) -> dict[str, list[str]]:
     return found
 
 
-def crashes(ear: test_runner.Ear) -> list[str]:
+def crashes(ear: Ear) -> list[str]:
     """What was said of crashes; others on this machine may hold the lock, which is said, too."""
     return [note for note in ear.notes if note.startswith("crashed")]
 
@@ -133,7 +133,7 @@ from pathlib import Path
 from benchharness import cli, report
 from benchharness.execution import progress, runner
 report.write = lambda folder: folder
-runner.BENCH = "mortal_bench:Slow"
+runner.BENCH = "support.mortal_bench:Slow"
 sys.argv = ["benchharness", "run", sys.argv[1], "--out", sys.argv[2], *sys.argv[3:]]
 cli.main()
 """
@@ -194,7 +194,7 @@ def test_a_run_whose_worker_is_killed_goes_on_and_has_the_rows_of_an_undisturbed
     killed_at(tmp_path, "worker", "SIGINT", 1.9, undisturbed)
 
 
-@pytest.mark.exhaustive
+@pytest.mark.claims
 @pytest.mark.parametrize("name", ["SIGKILL", "SIGTERM", "SIGINT"])
 @pytest.mark.parametrize("whom", ["main", "worker"])
 def test_kills_at_twenty_random_moments(tmp_path, undisturbed, whom, name):

@@ -67,7 +67,7 @@ def test_the_decoy_is_what_dr_jit_takes_where_nobody_says_otherwise(surroundings
     [
         "benchharness.api",
         "methods.newton",
-        *(pytest.param(name, marks=pytest.mark.exhaustive) for name in ("scenes.kitchen", "benchharness.speed.stage")),
+        *(pytest.param(name, marks=pytest.mark.claims) for name in ("scenes.kitchen", "benchharness.speed.stage")),
     ],
 )
 def test_whichever_module_is_first_the_wheels_llvm_is_loaded(surroundings, module):
@@ -100,7 +100,7 @@ def test_doctor_works_beside_a_decoy_and_tries_all_that_a_study_needs(surroundin
         assert f"{part}: works: " in said
 
 
-@pytest.mark.exhaustive
+@pytest.mark.claims
 def test_list_works_beside_a_decoy(surroundings):
     said = command(surroundings, "list")
     assert "BROKEN" not in said
@@ -119,7 +119,7 @@ def test_a_run_works_beside_a_decoy(surroundings, tmp_path):
     assert "frame 0: 1 ok" in said
 
 
-@pytest.mark.exhaustive
+@pytest.mark.claims
 def test_the_stability_suite_works_beside_a_decoy(surroundings, tmp_path):
     arguments = ["--only", "ray_traced", "--regime", "contact", "--severity", "1", "--out", tmp_path / "out"]
     assert "contact: 1" in command(surroundings, "stability", *arguments)

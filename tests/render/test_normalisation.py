@@ -28,8 +28,6 @@ PLACES = [
 ]
 METHODS = [name for name, plugin in plugins.discover("method").items() if plugin.error is None]
 
-pytestmark = pytest.mark.usefixtures("module_cache")
-
 
 @pytest.fixture(scope="module")
 def at_origin():

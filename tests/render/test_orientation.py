@@ -22,8 +22,6 @@ from benchharness.study import plugins
 SIZE = (160, 120)
 METHODS = [name for name, plugin in plugins.discover("method").items() if plugin.error is None]
 
-pytestmark = pytest.mark.usefixtures("module_cache")
-
 
 def wound(mesh: Mesh, turn: np.ndarray, normals=None) -> Mesh:
     """Some faces wound the other way; normals that follow from that if none are given."""

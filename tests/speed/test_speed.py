@@ -11,6 +11,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
+from support.ink import ink, pixels
 from support.mirror_room import balls, mirror_ball, shaded
 from support.mirror_room import scene as scene_of
 from support.small_room import small_room
@@ -20,6 +21,7 @@ from benchharness import cli
 from benchharness.render import reference
 from benchharness.render.bake import bake
 from benchharness.render.frame import FrameRenderer
+from benchharness.report.points import looks
 from benchharness.scene import Environment, Scene, refined
 from benchharness.speed import embree, iterations, llvmpipe, rivals, stage, tessellation
 from benchharness.speed import sitting as speed
@@ -27,6 +29,8 @@ from methods.ray_traced import RayTraced
 
 SIZE = (48, 32)
 FRAME = 2
+LINE_PX = 60  # of a chart: a line, its marks and its sample in the legend, in one colour
+BARS = "#0072B2"
 
 
 def sliding(time: float) -> np.ndarray:
@@ -247,7 +251,9 @@ def test_the_study_sees_the_error_fall_with_the_vertices(room, tmp_path):
     assert all(fit["points"] == 2 for fit in found.fits) and {fit["method"] for fit in found.fits} == names
     assert len(found.samples) == 2 * len(found.rows)
     tessellation.chart(found, tmp_path / "chart.png")
-    assert (tmp_path / "chart.png").stat().st_size > 10_000
+    left, right = np.array_split(pixels(tmp_path / "chart.png"), 2, axis=1)
+    for name, look in looks([{"method": name} for name in names - {tessellation.NONE}]).items():
+        assert ink(left, look.colour) > LINE_PX and ink(right, look.colour) > LINE_PX, name
 
 
 # Iterations
@@ -269,7 +275,13 @@ def test_iterations_are_counted_and_shown_where_the_mirror_shows_them(room, tmp_
         assert case.iterations.min() - 1e-3 <= case.picture[shown].min()
         assert case.picture[shown].max() <= case.iterations.max() + 1e-3
     iterations.chart(cases, tmp_path / "chart.png")
-    assert (tmp_path / "chart.png").stat().st_size > 10_000
+    # Each case has bars, in the second and in the fourth row of panels, and above them its picture.
+    upper, lower = np.array_split(pixels(tmp_path / "chart.png"), 2)
+    columns = len(cases) // 2
+    for k, case in enumerate(cases):
+        panel = np.array_split((upper, lower)[k // columns], columns, axis=1)[k % columns]
+        assert ink(panel, BARS) > 1000, case.name
+        assert len(np.unique(panel.reshape(-1, 3), axis=0)) > 50, case.name
 
 
 # The command

@@ -119,7 +119,7 @@ def test_roots_that_a_cold_start_has_elsewhere_are_counted():
 
 
 @pytest.fixture(scope="module")
-def steady(tmp_path_factory, module_cache):
+def steady(tmp_path_factory):
     folder = tmp_path_factory.mktemp("steady")
     names = ("ray_traced", "newton", "environment_map", "Shaky")
     groups = motion.units([entry(name) for name in names], [TURNING], ["steady"], count=COUNT, substeps=1, start=10, size=SIZE)
@@ -178,7 +178,7 @@ def test_rows_have_the_columns_and_pictures_are_there(steady, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def cut(tmp_path_factory, module_cache):
+def cut(tmp_path_factory):
     names = ("newton", "Lagging")
     groups = motion.units([entry(name) for name in names], [TURNING], ["cut"], substeps=1, size=SIZE)
     (group,) = groups.values()
@@ -200,7 +200,7 @@ def test_what_answers_from_before_the_cut_is_caught_for_as_long_as_it_does(cut):
     assert all(f["flip"] > f["cold_flip"] + 0.05 for f in after[:2])
 
 
-def test_films_jump_where_they_say(module_cache):
+def test_films_jump_where_they_say():
     cut, there, still = (film.film(TURNING, kind, 6, 2, None, SIZE) for kind in ("cut", "teleport", "steady"))
     assert there.jump == film.BEFORE and still.jump is None and still.scene.fps == 50
     for made, camera_jumps, red_jumps in ((cut, True, False), (there, False, True)):

@@ -9,10 +9,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from oracles.mesh_roots import pixels_off
+from support.known_reflections import METHODS, points_of
 from support.mirror_room import scene, shaded, still
 from support.random_mirrors import KINDS, eye_before, mirror, vertices
 from support.stress_rooms import law
-from test_fuzz import METHODS, points_of
+from support.tiers import first
 
 from benchharness.api import Method
 from benchharness.kernels.vertices.newton import NEAREST
@@ -67,7 +68,7 @@ def method_of(name: str) -> Method:
     return METHODS[method](**parameters)
 
 
-@pytest.mark.parametrize("kind", [pytest.param(k, marks=pytest.mark.slow) if k == "finest" else k for k in KINDS])
+@pytest.mark.parametrize("kind", first(KINDS, ("round", "frustum", "hollow")))
 def test_what_is_called_converged_is_a_reflection_point_of_the_mesh(kind):
     seen = dict.fromkeys(ASKED, 0.0)
     for seed in range(SEEDS.get(kind, 2)):
