@@ -77,6 +77,7 @@ def test_a_worker_that_is_killed_at_any_moment_costs_nothing(tmp_path, undisturb
     assert mortal_bench.told(tmp_path / "out") == undisturbed
 
 
+@pytest.mark.exhaustive
 def test_a_frame_of_which_workers_die_outside_any_method_is_done_in_halves_and_tried_again_later(tmp_path, undisturbed):
     path = study.write(tmp_path, BEHAVIOURS)
     (tmp_path / "poison").touch()
@@ -93,6 +94,7 @@ def test_a_frame_of_which_workers_die_outside_any_method_is_done_in_halves_and_t
     assert mortal_bench.told(tmp_path / "out") == undisturbed
 
 
+@pytest.mark.exhaustive
 def test_a_disk_that_was_full_is_held_against_no_method(tmp_path, undisturbed):
     path = study.write(tmp_path, BEHAVIOURS)
     (tmp_path / "full").touch()
@@ -106,6 +108,7 @@ def test_a_disk_that_was_full_is_held_against_no_method(tmp_path, undisturbed):
     assert mortal_bench.told(tmp_path / "out") == undisturbed
 
 
+@pytest.mark.exhaustive
 def test_a_run_whose_journal_could_not_be_written_is_taken_up(tmp_path, undisturbed, monkeypatch):
     path = study.write(tmp_path, BEHAVIOURS)
     append, left = runner.Journal.append, [1, 0]
@@ -190,6 +193,7 @@ def killed_at(folder: Path, whom: str, name: str, delay_s: float, undisturbed) -
     return str(ended)
 
 
+@pytest.mark.exhaustive
 def test_a_run_whose_worker_is_killed_goes_on_and_has_the_rows_of_an_undisturbed_one(tmp_path, undisturbed):
     killed_at(tmp_path, "worker", "SIGINT", 1.9, undisturbed)
 
@@ -205,6 +209,7 @@ def test_kills_at_twenty_random_moments(tmp_path, undisturbed, whom, name):
         killed_at(folder, whom, name, moments.uniform(0.0, 3.5), undisturbed)
 
 
+@pytest.mark.exhaustive
 def test_sigterm_ends_as_ctrl_c_does(tmp_path):
     path = study.write(tmp_path, '["a", "sleeps 2"]')
     with start(path, tmp_path / "out", stderr=subprocess.PIPE) as process:

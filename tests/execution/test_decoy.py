@@ -83,6 +83,7 @@ def test_importing_the_package_is_quick(surroundings):
     assert not {name for name in seen if name.partition(".")[0] in ("drjit", "mitsuba", "numpy", "pydantic", "scipy")}
 
 
+@pytest.mark.claims
 def test_check_method_works_beside_a_decoy(surroundings, tmp_path):
     path = template.new_method("sky", tmp_path)
     done = python(surroundings, "-m", "benchharness", "check-method", path)
@@ -91,6 +92,7 @@ def test_check_method_works_beside_a_decoy(surroundings, tmp_path):
     assert "fail" not in levels and done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.claims
 def test_doctor_works_beside_a_decoy_and_tries_all_that_a_study_needs(surroundings):
     said = command(surroundings, "doctor")
     assert "llvm_ad_rgb: works: a kernel and a picture came out right (mitsuba" in said
@@ -107,6 +109,7 @@ def test_list_works_beside_a_decoy(surroundings):
     assert "ray_traced" in said and "kitchen" in said
 
 
+@pytest.mark.claims
 def test_a_run_works_beside_a_decoy(surroundings, tmp_path):
     (tmp_path / "room.py").write_text(ROOM)
     template.new_method("sky", tmp_path)

@@ -123,6 +123,7 @@ def test_what_refuses_that_is_no_sentence_is_that_methods_crash(tmp_path, monkey
     assert found["last"] == ("ok", "")
 
 
+@pytest.mark.exhaustive
 def test_a_scene_that_cannot_be_prepared_is_rows_too_which_are_tried_again(tmp_path):
     path = study.write(tmp_path, '["a"]')
     code, rows, _ = run(path, tmp_path / "out", "support.study:Failing")
@@ -150,6 +151,7 @@ runner.run(config.load(Path(sys.argv[1])), Path(sys.argv[2]), Ear(), bench="supp
 """
 
 
+@pytest.mark.exhaustive
 def test_a_killed_run_takes_its_worker_along_and_resumes_to_the_rows_of_an_undisturbed_one(tmp_path):
     path, out = study.write(tmp_path, '["a", "sleeps 4"]'), tmp_path / "out"
     env = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
@@ -213,6 +215,7 @@ def test_a_folder_that_is_in_use_or_cannot_be_written_is_refused_before_any_work
     assert not (tmp_path / "benches").exists()
 
 
+@pytest.mark.exhaustive
 def test_without_a_folder_the_newest_run_of_the_config_is_resumed(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     study_ = config.load(study.write(tmp_path, '["refuses"]'))
@@ -260,6 +263,7 @@ def test_a_folder_is_not_filled_by_two_at_once(tmp_path):
     assert len(results.read_results(tmp_path / "out")) == 3
 
 
+@pytest.mark.exhaustive
 def test_pictures_that_are_gone_or_changed_are_made_again_with_their_frame_and_no_other(tmp_path):
     path, out = study.write(tmp_path, '["a", "aborts 4"]'), tmp_path / "out"
     _, rows, _ = run(path, out)
@@ -386,6 +390,7 @@ def test_waiting_for_the_machine_is_not_a_frames_time(word, failed, events):
         process.kill()
 
 
+@pytest.mark.exhaustive
 def test_the_machine_is_held_while_a_frame_is_timed_and_not_while_its_reference_is_made(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     run(study.write(tmp_path, '["a"]'), tmp_path / "out", "support.study:Watchful")

@@ -25,7 +25,7 @@ SEEN = {"ppd": 67.0, "exposure": 0.0}
 def entry(name: str) -> Entry:
     if name[0].isupper():
         return Entry(name, f"{HERE / 'motion_plugins.py'}:{name}", {})
-    return plugged_in(str(HERE.parent / "methods" / f"{name}.py"), Here())
+    return plugged_in(str(HERE.parents[1] / "methods" / f"{name}.py"), Here())
 
 
 def grey(lightness: float) -> np.ndarray:

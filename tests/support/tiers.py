@@ -19,6 +19,11 @@ def first(values: Iterable, chosen: Iterable) -> list:
     return [value if value in chosen else pytest.param(value, marks=exhaustive) for value in values]
 
 
+def every(step: int, values: Iterable) -> list:
+    """The values, tuples of parameters each, of which every so many-th is in the first tier, beginning with the first."""
+    return [pytest.param(*value, marks=() if k % step == 0 else exhaustive) for k, value in enumerate(values)]
+
+
 def in_turns(ones: Iterable[str], others: Sequence[str]) -> list[tuple[str, str]]:
     """Each of some names with one of others, which take turns: any len(others) pairs in a row hold each of them once."""
     return [(one, others[k % len(others)]) for k, one in enumerate(ones)]
