@@ -1,18 +1,26 @@
-# `make bench`: install and run the main job.  `make test`, `make test-all`, `make check`, `make speed`: what they say.
+# `make bench`: install and run the main job.  `make check`: style and types.  `make speed`: what kernels cost beside rivals.
+# `make test`: every kernel, method, scene and command, in minutes.  `make test-rest`: what that only samples.  `make test-all`: both.
+# `make test-claims`: what docs claim of a machine, in an hour.
 PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin/python -m
 
-.PHONY: bench test test-all check speed clean
+.PHONY: bench test test-rest test-all test-claims check speed clean
 
 bench: $(VENV)/ready
 	$(RUN) benchharness run configs/kitchen-quick.toml
 
 test: $(VENV)/ready-dev
-	$(RUN) pytest -q -m "not exhaustive"
+	$(RUN) pytest -q -m "not exhaustive and not claims"
+
+test-rest: $(VENV)/ready-dev
+	$(RUN) pytest -q -m "exhaustive and not claims"
 
 test-all: $(VENV)/ready-dev
-	$(RUN) pytest -q
+	$(RUN) pytest -q -m "not claims"
+
+test-claims: $(VENV)/ready-dev
+	$(RUN) pytest -q -m claims
 
 check: $(VENV)/ready-dev
 	$(VENV)/bin/ruff format --check .

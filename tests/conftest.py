@@ -35,15 +35,15 @@ def plugins_here(monkeypatch):
     monkeypatch.setattr(benchharness.stability.plan, "Apart", Here)
 
 
-@pytest.fixture(scope="module")
-def module_cache(tmp_path_factory):
-    """What a module's tests render is rendered for them."""
+@pytest.fixture(scope="session", autouse=True)
+def cache(tmp_path_factory):
+    """What tests bake and render is made once for all of them; what the user has cached is neither taken nor added to."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("BENCHHARNESS_CACHE", str(tmp_path_factory.mktemp("cache")))
         yield
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def room():
     """A mirror ball in a room; the camera goes round it."""
     from support.mirror_room import mirror_room, orbit
@@ -51,7 +51,7 @@ def room():
     return mirror_room(camera=orbit(0.4))
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def renderer(room):
     from support.mirror_room import SIZE
 
@@ -60,8 +60,8 @@ def renderer(room):
     return FrameRenderer(room, *SIZE)
 
 
-@pytest.fixture(scope="module")
-def truth_of_room(room, module_cache):
+@pytest.fixture(scope="session")
+def truth_of_room(room):
     from support.answers import picture
 
     return picture(room)

@@ -7,7 +7,7 @@ import random
 
 import numpy as np
 import pytest
-from test_folder import damaged
+from support.damage import damaged
 
 from benchharness import cache
 

@@ -60,6 +60,7 @@ def does(command: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(["bash", "-eo", "pipefail", "-c", command], capture_output=True, text=True, check=False)
 
 
+@pytest.mark.exhaustive
 def test_the_workflow_passes_an_unchanged_method_fails_a_worse_one_and_proves_nothing_by_one_run(repository, tmp_path):
     (baseline,) = blocks("sh")
     done = does(baseline)

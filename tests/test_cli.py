@@ -29,7 +29,7 @@ def call(*arguments: object):
 
 @pytest.fixture
 def fake(monkeypatch, plugins_here):
-    monkeypatch.setattr(runner, "BENCH", "study:Bench")
+    monkeypatch.setattr(runner, "BENCH", "support.study:Bench")
     monkeypatch.setattr(report, "write", lambda folder: folder / "report.html", raising=False)
 
 
@@ -48,6 +48,7 @@ def test_run_ends_with_the_reports_path_and_resume_and_only_and_plugin_reach_the
     assert (other.exit_code, "was another one" in other.stderr) == (4, True)
 
 
+@pytest.mark.exhaustive
 def test_a_crash_is_exit_code_three_and_said(tmp_path, fake):
     done = call("run", study.write(tmp_path, '["a", "aborts 0"]'), "--out", tmp_path / "out")
     assert done.exit_code == 3
@@ -162,6 +163,7 @@ def test_a_scheduler_that_is_not_there_or_has_no_workers_is_said_and_leaves_no_f
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.exhaustive
 def test_a_job_that_a_cluster_loses_is_incomplete_and_done_by_resume(tmp_path, fake, monkeypatch):
     fake_cluster(monkeypatch, lost=[1])
     path = study.write(tmp_path, '["a"]')
@@ -316,6 +318,7 @@ def test_an_error_of_the_system_is_one_message_with_the_file_it_is_about(monkeyp
     assert says in done.stderr and "Traceback" not in done.output
 
 
+@pytest.mark.exhaustive
 def test_names_that_are_longer_than_the_file_systems_and_folders_that_are_files_are_wrong_input(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path, long = study.write(tmp_path, '["a"]'), 300 * "n"
@@ -337,6 +340,7 @@ def test_names_that_are_longer_than_the_file_systems_and_folders_that_are_files_
     assert {p.name for p in tmp_path.iterdir()} - {"__pycache__"} == {"actor.py", "file", "place.py", "study.toml"}
 
 
+@pytest.mark.exhaustive
 def test_baselines_that_are_a_file_are_wrong_input(tmp_path, fake):
     assert call("run", study.write(tmp_path, '["a"]'), "--out", tmp_path / "out").exit_code == 0
     (tmp_path / "file").touch()
@@ -364,6 +368,7 @@ def test_stability_ends_with_the_code_and_hands_on_resume_and_yes(tmp_path, monk
     assert given == {"out": tmp_path, "resume": True, "yes": True}
 
 
+@pytest.mark.exhaustive
 def test_what_takes_more_than_an_hour_is_begun_with_yes(tmp_path, fake, monkeypatch):
     monkeypatch.setattr(runner.estimate, "TOO_LONG_S", 1.0)
     path = study.write(tmp_path, '["a"]')

@@ -1,4 +1,4 @@
-"""The catalogue's figures beside this project's: `python tests/catalogue/catalogue.py`, from the repository's root.
+"""The catalogue's figures beside this project's: `PYTHONPATH=tests python -m catalogue.catalogue`, from the repository's root.
 
 The catalogue of failures and the description of algorithms quote what a prototype measured. Each of those figures is a row: it
 is measured here with this project's kernels and accepted within an interval that has a reason, or another test pins it.
@@ -28,8 +28,8 @@ def table() -> list[Row | Elsewhere]:
 def exists(tested: str) -> bool:
     """Whether a test "file::function" is there."""
     name, _, function = tested.partition("::")
-    path = Path(__file__).parent / name
-    return path.exists() and re.search(rf"^def {function}\(", path.read_text(), re.MULTILINE) is not None
+    paths = Path(__file__).parents[1].rglob(name)
+    return any(re.search(rf"^def {function}\(", path.read_text(), re.MULTILINE) for path in paths)
 
 
 def line(row: Row | Elsewhere) -> tuple[str, bool]:

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from catalogue.catalogue_row import Elsewhere, Row, drawn_again, within
 from support.placed import host, points
+from support.search_textures import EYE, SHAPES, SIZE, camera, on_screen, texture
 from support.truth_shapes import reverse_constructed, unit
-from test_search import EYE, SHAPES, SIZE, camera, on_screen, texture
 
 from benchharness.kernels import optics
 from benchharness.kernels.vertices import search

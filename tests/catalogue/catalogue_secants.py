@@ -10,10 +10,9 @@ import numpy as np
 from catalogue.catalogue_row import Elsewhere, Row, drawn_again, within
 from oracles import secant_oracle as oracle
 from support.placed import EYE, host, mapped, off_px, place, points
+from support.secant_cases import around, classed, flags, printed, solved, star_of
 from support.star_shapes import Ellipsoid, Sphere, hidden, truths
 from support.truth_shapes import unit
-from test_secant import around, classed, flags, solved, star_of
-from test_secant_oracle import printed
 
 from benchharness.kernels.vertices import secant, starmap
 

@@ -9,10 +9,10 @@ import mitsuba as mi
 import numpy as np
 from catalogue.catalogue_row import Elsewhere, Row, drawn_again
 from oracles import secant_oracle
+from support.newton_meshes import turned_over, walked
 from support.placed import host, place, points
 from support.star_shapes import Ellipsoid, Sphere
 from support.truth_shapes import Quadric, alhazen, unit
-from test_newton import turned_over, walked
 
 from benchharness.kernels import optics
 from benchharness.kernels.vertices import newton

@@ -1,4 +1,7 @@
-"""`check-method` on a method that keeps the contract, and on one that breaks each clause of it."""
+"""`check-method` on a method that keeps the contract, and on one that breaks each clause of it.
+
+In the first tier it breaks every third.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ from pathlib import Path
 
 import mitsuba as mi  # noqa: F401  (so that the variant is set)
 import pytest
+from support.tiers import every, first
 
 from benchharness.execution import check, tiny
 from benchharness.execution import findings as checks
@@ -28,10 +32,9 @@ def test_the_template_keeps_the_contract(tmp_path):
 
 
 METHODS = [name for name, plugin in plugins.discover("method").items() if plugin.error is None]
-QUICK = ("environment_map", "ray_traced")
 
 
-@pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in METHODS])
+@pytest.mark.parametrize("name", first(METHODS, ("environment_map", "ray_traced")))
 def test_every_method_of_the_package_keeps_the_contract(name):
     found = list(checks.findings(plugins.discover("method")[name]))
     assert [f for f in found if f.level == "fail"] == []
@@ -39,7 +42,7 @@ def test_every_method_of_the_package_keeps_the_contract(name):
 
 @pytest.mark.parametrize(
     ("old", "new", "level", "says"),
-    [
+    every(3, [
         ("L = mi.Color3f(state *", "L = mi.Color3f(dr.nan *", "fail", "not finite in"),
         ("(0.5 + 0.5 * wo.z)", "wo.z", "fail", "radiance is negative"),
         ("100.0, dr.width(L)", "-1.0, dr.width(L)", "fail", "distance is NaN or not positive"),
@@ -72,7 +75,7 @@ def test_every_method_of_the_package_keeps_the_contract(name):
         ("distance = ", "frame.p.x.numpy()[0] = 9; distance = ", "fail", "it writes into the frame: p"),
         ("distance = ", "frame.surfaces.clear(); distance = ", "fail", "it writes into the frame: surfaces"),
         ("        return dr.opaque", "        scene.objects[0].mesh.vertices[:] = 0; return dr.opaque", "fail", "read-only"),
-    ],
+    ]),
 )  # fmt: skip
 def test_a_broken_clause_is_found_and_named(tmp_path, old, new, level, says):
     assert old in GOOD

@@ -12,14 +12,14 @@ from pathlib import Path
 
 import mitsuba as mi  # noqa: F401  (so that the variant is set)
 import pytest
-import test_runner
 from support import mortal_bench, study
+from support.ear import Ear
 
 from benchharness import report
 from benchharness.execution import runner
 from benchharness.study import config
 
-BENCH = "mortal_bench:Bench"
+BENCH = "support.mortal_bench:Bench"
 BEHAVIOURS = '["a", "poison"]'
 
 
@@ -31,8 +31,8 @@ def tables_only(monkeypatch):
     monkeypatch.setattr(report, "write", lambda folder: folder / "report.html")
 
 
-def run(path: Path, out: Path, bench: str = BENCH, **options) -> tuple[int, test_runner.Ear]:
-    ear = test_runner.Ear()
+def run(path: Path, out: Path, bench: str = BENCH, **options) -> tuple[int, Ear]:
+    ear = Ear()
     return runner.run(config.load(path), out, ear, bench=bench, **options)[0], ear
 
 
@@ -43,7 +43,7 @@ def statuses(out: Path) -> dict[str, list[str]]:
     return found
 
 
-def crashes(ear: test_runner.Ear) -> list[str]:
+def crashes(ear: Ear) -> list[str]:
     """What was said of crashes; others on this machine may hold the lock, which is said, too."""
     return [note for note in ear.notes if note.startswith("crashed")]
 
@@ -77,6 +77,7 @@ def test_a_worker_that_is_killed_at_any_moment_costs_nothing(tmp_path, undisturb
     assert mortal_bench.told(tmp_path / "out") == undisturbed
 
 
+@pytest.mark.exhaustive
 def test_a_frame_of_which_workers_die_outside_any_method_is_done_in_halves_and_tried_again_later(tmp_path, undisturbed):
     path = study.write(tmp_path, BEHAVIOURS)
     (tmp_path / "poison").touch()
@@ -93,6 +94,7 @@ def test_a_frame_of_which_workers_die_outside_any_method_is_done_in_halves_and_t
     assert mortal_bench.told(tmp_path / "out") == undisturbed
 
 
+@pytest.mark.exhaustive
 def test_a_disk_that_was_full_is_held_against_no_method(tmp_path, undisturbed):
     path = study.write(tmp_path, BEHAVIOURS)
     (tmp_path / "full").touch()
@@ -106,6 +108,7 @@ def test_a_disk_that_was_full_is_held_against_no_method(tmp_path, undisturbed):
     assert mortal_bench.told(tmp_path / "out") == undisturbed
 
 
+@pytest.mark.exhaustive
 def test_a_run_whose_journal_could_not_be_written_is_taken_up(tmp_path, undisturbed, monkeypatch):
     path = study.write(tmp_path, BEHAVIOURS)
     append, left = runner.Journal.append, [1, 0]
@@ -133,7 +136,7 @@ from pathlib import Path
 from benchharness import cli, report
 from benchharness.execution import progress, runner
 report.write = lambda folder: folder
-runner.BENCH = "mortal_bench:Slow"
+runner.BENCH = "support.mortal_bench:Slow"
 sys.argv = ["benchharness", "run", sys.argv[1], "--out", sys.argv[2], *sys.argv[3:]]
 cli.main()
 """
@@ -190,11 +193,12 @@ def killed_at(folder: Path, whom: str, name: str, delay_s: float, undisturbed) -
     return str(ended)
 
 
+@pytest.mark.exhaustive
 def test_a_run_whose_worker_is_killed_goes_on_and_has_the_rows_of_an_undisturbed_one(tmp_path, undisturbed):
     killed_at(tmp_path, "worker", "SIGINT", 1.9, undisturbed)
 
 
-@pytest.mark.exhaustive
+@pytest.mark.claims
 @pytest.mark.parametrize("name", ["SIGKILL", "SIGTERM", "SIGINT"])
 @pytest.mark.parametrize("whom", ["main", "worker"])
 def test_kills_at_twenty_random_moments(tmp_path, undisturbed, whom, name):
@@ -205,6 +209,7 @@ def test_kills_at_twenty_random_moments(tmp_path, undisturbed, whom, name):
         killed_at(folder, whom, name, moments.uniform(0.0, 3.5), undisturbed)
 
 
+@pytest.mark.exhaustive
 def test_sigterm_ends_as_ctrl_c_does(tmp_path):
     path = study.write(tmp_path, '["a", "sleeps 2"]')
     with start(path, tmp_path / "out", stderr=subprocess.PIPE) as process:

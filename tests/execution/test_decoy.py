@@ -67,7 +67,7 @@ def test_the_decoy_is_what_dr_jit_takes_where_nobody_says_otherwise(surroundings
     [
         "benchharness.api",
         "methods.newton",
-        *(pytest.param(name, marks=pytest.mark.exhaustive) for name in ("scenes.kitchen", "benchharness.speed.stage")),
+        *(pytest.param(name, marks=pytest.mark.claims) for name in ("scenes.kitchen", "benchharness.speed.stage")),
     ],
 )
 def test_whichever_module_is_first_the_wheels_llvm_is_loaded(surroundings, module):
@@ -83,6 +83,7 @@ def test_importing_the_package_is_quick(surroundings):
     assert not {name for name in seen if name.partition(".")[0] in ("drjit", "mitsuba", "numpy", "pydantic", "scipy")}
 
 
+@pytest.mark.claims
 def test_check_method_works_beside_a_decoy(surroundings, tmp_path):
     path = template.new_method("sky", tmp_path)
     done = python(surroundings, "-m", "benchharness", "check-method", path)
@@ -91,6 +92,7 @@ def test_check_method_works_beside_a_decoy(surroundings, tmp_path):
     assert "fail" not in levels and done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.claims
 def test_doctor_works_beside_a_decoy_and_tries_all_that_a_study_needs(surroundings):
     said = command(surroundings, "doctor")
     assert "llvm_ad_rgb: works: a kernel and a picture came out right (mitsuba" in said
@@ -100,13 +102,14 @@ def test_doctor_works_beside_a_decoy_and_tries_all_that_a_study_needs(surroundin
         assert f"{part}: works: " in said
 
 
-@pytest.mark.exhaustive
+@pytest.mark.claims
 def test_list_works_beside_a_decoy(surroundings):
     said = command(surroundings, "list")
     assert "BROKEN" not in said
     assert "ray_traced" in said and "kitchen" in said
 
 
+@pytest.mark.claims
 def test_a_run_works_beside_a_decoy(surroundings, tmp_path):
     (tmp_path / "room.py").write_text(ROOM)
     template.new_method("sky", tmp_path)
@@ -119,7 +122,7 @@ def test_a_run_works_beside_a_decoy(surroundings, tmp_path):
     assert "frame 0: 1 ok" in said
 
 
-@pytest.mark.exhaustive
+@pytest.mark.claims
 def test_the_stability_suite_works_beside_a_decoy(surroundings, tmp_path):
     arguments = ["--only", "ray_traced", "--regime", "contact", "--severity", "1", "--out", tmp_path / "out"]
     assert "contact: 1" in command(surroundings, "stability", *arguments)

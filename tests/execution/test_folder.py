@@ -6,6 +6,7 @@ import json
 import random
 
 import pytest
+from support.damage import damaged
 
 from benchharness.execution import folder
 
@@ -100,24 +101,3 @@ def test_a_journal_says_what_was_appended_or_that_it_is_damaged(tmp_path):
             assert {key: value for key, value in line.items() if key in ("job", "out", "frame", *lines[0], *lines[1])} in lines
         assert [line.get("frame") for line in found] == [None, 0, 1, 2, 3][: len(found)]
     assert refused > 1000
-
-
-def damaged(data: bytes, rng: random.Random) -> bytes:
-    """The bytes with one thing wrong."""
-    at, wrong = rng.randrange(len(data)), bytearray(data)
-    match rng.randrange(7):
-        case 0:
-            wrong[at] ^= 1 << rng.randrange(8)
-        case 1:
-            wrong[at:at] = bytes(rng.randrange(256) for _ in range(rng.randrange(1, 9)))
-        case 2:
-            del wrong[at : at + rng.randrange(1, 9)]
-        case 3:
-            del wrong[at:]
-        case 4:
-            wrong[at : at + 64] = bytes(len(wrong[at : at + 64]))
-        case _:
-            lines = data.splitlines(keepends=True)
-            rng.shuffle(lines)
-            wrong = bytearray(b"".join(lines[: rng.randrange(1, len(lines) + 1)] + lines[:1]))
-    return bytes(wrong)

@@ -6,7 +6,7 @@ import pytest
 from support import gate_power
 
 
-@pytest.mark.exhaustive
+@pytest.mark.claims
 def test_unchanged_code_passes_and_a_kernel_that_is_a_tenth_slower_is_found(tmp_path):
     gate_power.make(tmp_path, 10)
     found = gate_power.power(gate_power.read(tmp_path), 10)

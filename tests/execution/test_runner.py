@@ -15,29 +15,13 @@ from pathlib import Path
 import mitsuba as mi  # noqa: F401  (so that the variant is set)
 import pytest
 from support import study
-from test_folder import damaged
+from support.damage import damaged
+from support.ear import Ear
 
 from benchharness import processes
 from benchharness.execution import attempt, runner
 from benchharness.study import config
 from benchharness.tables import columns, origin, results
-
-
-class Ear:
-    """Hears what a run says."""
-
-    def __init__(self):
-        self.notes, self.frames = [], []
-
-    def job(self, number, job, left):
-        self.frames.append(left)
-
-    def frame(self, frame, records):
-        self.frames.append(frame)
-
-    def note(self, text):
-        self.notes.append(text)
-
 
 pytestmark = pytest.mark.usefixtures("plugins_here")
 
@@ -50,7 +34,7 @@ def tables_only(monkeypatch):
     monkeypatch.setattr(report, "write", lambda folder: folder / "report.html", raising=False)
 
 
-def run(path: Path, out: Path, bench: str = "study:Bench", **options):
+def run(path: Path, out: Path, bench: str = "support.study:Bench", **options):
     ear = Ear()
     code, folder = runner.run(config.load(path), out, ear, bench=bench, **options)
     assert folder == out
@@ -157,9 +141,10 @@ def test_a_method_that_a_worker_cannot_make_costs_its_own_rows_and_no_worker(tmp
     assert (tmp_path / "out" / "worker-0.log").read_text().count("OSError: no such table") == 1
 
 
+@pytest.mark.exhaustive
 def test_a_scene_that_cannot_be_prepared_is_rows_too_which_are_tried_again(tmp_path):
     path = study.write(tmp_path, '["a"]')
-    code, rows, _ = run(path, tmp_path / "out", "study:Failing")
+    code, rows, _ = run(path, tmp_path / "out", "support.study:Failing")
     assert code == 3
     assert [row["status"] for row in rows] == ["crashed"] * 3
     assert "RuntimeError: no light outside any method" in rows[0]["reason"]
@@ -178,12 +163,13 @@ from pathlib import Path
 from benchharness.study import config
 from benchharness import report
 from benchharness.execution import runner
-import test_runner
+from support.ear import Ear
 report.write = lambda folder: folder
-runner.run(config.load(Path(sys.argv[1])), Path(sys.argv[2]), test_runner.Ear(), bench="study:Bench")
+runner.run(config.load(Path(sys.argv[1])), Path(sys.argv[2]), Ear(), bench="support.study:Bench")
 """
 
 
+@pytest.mark.exhaustive
 def test_a_killed_run_takes_its_worker_along_and_resumes_to_the_rows_of_an_undisturbed_one(tmp_path):
     path, out = study.write(tmp_path, '["a", "sleeps 4"]'), tmp_path / "out"
     env = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
@@ -235,28 +221,29 @@ def test_a_folder_that_is_in_use_or_cannot_be_written_is_refused_before_any_work
         ("file/below", "cannot be written"),
     ]:
         with pytest.raises(ValueError, match=reason):
-            runner.run(study_, tmp_path / name, Ear(), bench="study:Bench")
+            runner.run(study_, tmp_path / name, Ear(), bench="support.study:Bench")
     (tmp_path / "used").mkdir()
     (tmp_path / "used" / "run.json").write_text("{}")
     with pytest.raises(ValueError, match="holds a run; accepted: an empty folder, or --resume"):
-        runner.run(study_, tmp_path / "used", Ear(), bench="study:Bench")
+        runner.run(study_, tmp_path / "used", Ear(), bench="support.study:Bench")
     with pytest.raises(ValueError, match="holds no run"):
-        runner.run(study_, tmp_path / "foreign", Ear(), resume=True, bench="study:Bench")
+        runner.run(study_, tmp_path / "foreign", Ear(), resume=True, bench="support.study:Bench")
     with pytest.raises(runner.folder.Incomparable, match="config_hash"):
-        runner.run(study_, tmp_path / "used", Ear(), resume=True, bench="study:Bench")
+        runner.run(study_, tmp_path / "used", Ear(), resume=True, bench="support.study:Bench")
     assert not (tmp_path / "benches").exists()
 
 
+@pytest.mark.exhaustive
 def test_without_a_folder_the_newest_run_of_the_config_is_resumed(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     study_ = config.load(study.write(tmp_path, '["refuses"]'))
     with pytest.raises(ValueError, match="there is no run of study in"):
-        runner.run(study_, None, Ear(), resume=True, bench="study:Bench")
-    _, folder = runner.run(study_, None, Ear(), bench="study:Bench")
+        runner.run(study_, None, Ear(), resume=True, bench="support.study:Bench")
+    _, folder = runner.run(study_, None, Ear(), bench="support.study:Bench")
     older = folder.parent / "study-20200101-000000"
     older.mkdir()
     (older / "run.json").write_text("{}")
-    assert runner.run(study_, None, Ear(), resume=True, bench="study:Bench")[1] == folder
+    assert runner.run(study_, None, Ear(), resume=True, bench="support.study:Bench")[1] == folder
 
 
 def test_a_cut_line_of_the_journal_is_dropped_and_a_damaged_one_refused(tmp_path):
@@ -287,14 +274,15 @@ def test_a_folder_is_not_filled_by_two_at_once(tmp_path):
     class Meddler(Ear):
         def frame(self, frame, records):
             with pytest.raises(ValueError, match="is being filled by another process"):
-                runner.run(config.load(path), tmp_path / "out", Ear(), resume=True, bench="study:Bench")
+                runner.run(config.load(path), tmp_path / "out", Ear(), resume=True, bench="support.study:Bench")
             tried.append(frame)
 
-    runner.run(config.load(path), tmp_path / "out", Meddler(), bench="study:Bench")
+    runner.run(config.load(path), tmp_path / "out", Meddler(), bench="support.study:Bench")
     assert tried == [0, 2, 4]
     assert len(results.read_results(tmp_path / "out")) == 3
 
 
+@pytest.mark.exhaustive
 def test_pictures_that_are_gone_or_changed_are_made_again_with_their_frame_and_no_other(tmp_path):
     path, out = study.write(tmp_path, '["a", "aborts 4"]'), tmp_path / "out"
     _, rows, _ = run(path, out)
@@ -313,7 +301,7 @@ def test_pictures_that_are_gone_or_changed_are_made_again_with_their_frame_and_n
 
 
 def test_a_run_in_which_every_picture_is_nan_is_incomplete(tmp_path):
-    code, rows, _ = run(study.write(tmp_path, '["a"]'), tmp_path / "out", "study:Nothing")
+    code, rows, _ = run(study.write(tmp_path, '["a"]'), tmp_path / "out", "support.study:Nothing")
     assert (code, {row["status"] for row in rows}) == (3, {"invalid"})
 
 
@@ -371,10 +359,10 @@ def test_a_line_that_no_run_of_this_config_writes_is_damage(tmp_path, line):
         pass
     (out / "journal.jsonl").write_text(json.dumps(line) + "\n")
     with pytest.raises(ValueError, match=r"journal.jsonl: line 1 is damaged \(.*\); accepted: a new run"):
-        runner.run(loaded, out, Ear(), resume=True, bench="study:Bench")
+        runner.run(loaded, out, Ear(), resume=True, bench="support.study:Bench")
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_a_damaged_journal_is_refused_or_ends_in_the_rows_of_an_undisturbed_run(tmp_path):
     """16 journals, from one seed."""
     path, out, rng = study.write(tmp_path, '["a", "raises 2"]'), tmp_path / "out", random.Random(11)
@@ -425,7 +413,8 @@ def test_waiting_for_the_machine_is_not_a_frames_time(word, failed, events, tmp_
         child.end()
 
 
+@pytest.mark.exhaustive
 def test_the_machine_is_held_while_a_frame_is_timed_and_not_while_its_reference_is_made(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    run(study.write(tmp_path, '["a"]'), tmp_path / "out", "study:Watchful")
+    run(study.write(tmp_path, '["a"]'), tmp_path / "out", "support.study:Watchful")
     assert (tmp_path / "out" / "held").read_text().splitlines() == ["begins free", *3 * ["prepares free", "times held"]]

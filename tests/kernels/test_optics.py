@@ -5,6 +5,7 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from oracles.fresnel_oracle import fresnel_by_amplitudes
 
 from benchharness.kernels import optics
 
@@ -61,15 +62,6 @@ def test_on_ray_and_mirrored_agree_at_an_exact_reflection_point():
     one = np.array(optics.on_ray(*args, points(mi.Point3f, eye))).T
     other = np.array(optics.mirrored(*args, points(mi.Normal3f, n))).T
     np.testing.assert_allclose(one, other, atol=2e-5)
-
-
-def fresnel_by_amplitudes(cos_theta, eta, k):
-    """From the complex amplitudes: |r_s|^2 and |r_p|^2 averaged."""
-    m = eta + 1j * k
-    cos_t = np.sqrt(1 - (1 - cos_theta**2) / m**2 + 0j)
-    r_s = (cos_theta - m * cos_t) / (cos_theta + m * cos_t)
-    r_p = (m * cos_theta - cos_t) / (m * cos_theta + cos_t)
-    return 0.5 * (abs(r_s) ** 2 + abs(r_p) ** 2)
 
 
 def test_conductor_reflectance_equals_that_of_the_complex_amplitudes():

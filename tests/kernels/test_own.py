@@ -17,8 +17,6 @@ from methods.secant_triangle import SecantTriangle
 from scenes.stress.lobes import lobes
 from scenes.stress.zones import zones
 
-pytestmark = pytest.mark.usefixtures("module_cache")
-
 ALL = {"newton": Newton(), "secant_triangle": SecantTriangle(resolution=64), "image_space_search": ImageSpaceSearch()}
 every_method = pytest.mark.parametrize("name", ALL)
 SIZE = (96, 72)

@@ -6,6 +6,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
+from support.packed import numbers, packed
 
 from benchharness.kernels import raster
 from benchharness.render.frame import view_of
@@ -15,23 +16,12 @@ CAMERA = Camera(eye=(0.0, -3.0, 0.0), target=(0.0, 0.0, 0.0), fov_deg=50.0)
 NEAR = 0.1
 
 
-def packed(vertices, faces, tag=0):
-    points = np.hstack([vertices, np.zeros((len(vertices), 1))]).astype(np.float32)
-    indices = np.hstack([faces, np.full((len(faces), 1), tag)]).astype(np.uint32)
-    return mi.Float(points.ravel()), mi.UInt32(indices.ravel())
-
-
 def drawn(vertices, faces, width, height, near=NEAR, tag=0, **options):
     """Triangle per pixel, -1 where none."""
     points, indices = packed(vertices, faces, tag)
     view = view_of(CAMERA, width, height, near)
     triangle = numbers(raster.rasterize(points, indices, len(faces), view, **options), view)
     return np.where(triangle == raster.NONE, -1, triangle).reshape(height, width)
-
-
-def numbers(visibility, view):
-    lane = dr.arange(mi.UInt32, view.width * view.height)
-    return np.array(raster.winner_at(visibility, view, lane, mi.Bool(True)), np.int64)
 
 
 def rays(width, height):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from oracles.room_oracle import room
 
 from benchharness.execution import progress
@@ -14,8 +13,6 @@ from benchharness.render.reference import ReferenceOptions
 from benchharness.study import plugins
 
 SIZE = (96, 72)
-
-pytestmark = pytest.mark.usefixtures("module_cache")
 
 
 def row(scene) -> dict:

@@ -28,7 +28,6 @@ SKY = (0.9, 0.2, 0.9)
 SEVERAL = (Newton(multi=4), SecantTriangle(resolution=64, multi=4), ImageSpaceSearch(multi=4))
 BY_IMAGE = (EnvironmentMap(), BillboardImpostor(), DepthImpostor(), RayTraced())
 
-pytestmark = pytest.mark.usefixtures("module_cache")
 named = {"ids": lambda method: type(method).__name__}
 
 

@@ -191,7 +191,7 @@ def test_i10_a_ray_along_the_axis_of_the_map(intersector):
 
 
 @pytest.fixture(scope="module")
-def bunnies(module_cache):
+def bunnies():
     made = hares()
     split = DepthImpostor(maps=6, own_maps=6, split_jump=0.05)
     methods = [DepthImpostor(), DepthImpostor(intersector="march"), DepthImpostor(maps=6), replace(split, own_maps=0)]

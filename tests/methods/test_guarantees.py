@@ -11,6 +11,9 @@ depend on its start: then another true one is as good, and the picture of a scen
 method ends with is as near to a root as the law that is left over says: |half vector - normal| by the least singular value of
 its derivative along the mirror, both in float64. Pictures within a method have texels, whose grid does not turn with the
 scene: its picture keeps within a pixel, but for few.
+
+The first tier draws pairs: every regime, mildest and severest, with one method, and the methods take turns. Of those pairs,
+G3 has all whose method reports vertices, and "again", "renumbered" and "turned" have as many in a row as there are methods.
 """
 
 from __future__ import annotations
@@ -18,7 +21,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.ndimage import maximum_filter, minimum_filter
+from support.known_reflections import VERTEXWISE
 from support.stress_rooms import METHODS, REGIMES, Law, Shown, any_motion, extremes, kept, laws, prepared, shown
+from support.tiers import in_turns, paired
 
 from benchharness.kernels.vertices.newton import is_convex
 from benchharness.stability import altered
@@ -35,8 +40,15 @@ STRAY_PX = 0.01  # share of pixels that rounding decides: edges in a picture of 
 TURNED_PX = 0.02  # share of pixels that texels decide, if their grid is turned
 ROUNDED = 1e-3  # radiance
 
-regimes = pytest.mark.parametrize("regime", REGIMES)
 methods = pytest.mark.parametrize("method", METHODS)
+
+
+DRAWN = in_turns(REGIMES, list(METHODS))
+
+
+def pairs(of, drawn):
+    """Every regime with every method of some; those drawn are in the first tier."""
+    return pytest.mark.parametrize(("regime", "method"), paired(REGIMES, of, drawn))
 
 
 def both(method: str, regime: str) -> list[tuple[float, Shown]]:
@@ -52,8 +64,7 @@ def time_of(regime: str, scene) -> float:
     return scene.time(REGIMES[regime][0].frame)
 
 
-@methods
-@regimes
+@pairs(METHODS, DRAWN)
 def test_answers_are_numbers_and_searches_end_within_their_limit(method, regime):
     limit = params.of_method(METHODS[method]).get("max_iter")
     for _, answer in both(method, regime):
@@ -76,8 +87,7 @@ def test_a_low_limit_is_kept(method):
     assert all(np.isfinite(value).all() for value in answer.vertices.values()) and np.isfinite(answer.L).all()
 
 
-@methods
-@regimes
+@pairs(VERTEXWISE, DRAWN)
 def test_what_is_called_converged_obeys_the_law_of_reflection(method, regime):
     for severity, answer in both(method, regime):
         if answer.vertices is None:
@@ -90,16 +100,14 @@ def test_what_is_called_converged_obeys_the_law_of_reflection(method, regime):
             assert (law.towards[:, 0] > 0).all() and (law.towards[apart, 1] > 0).all()
 
 
-@methods
-@regimes
+@pairs(METHODS, DRAWN[: len(METHODS)])
 def test_asked_twice_everything_is_the_same_bit_for_bit(method, regime):
     severity, answer = both(method, regime)[-1]
     again = shown(method, regime, severity)
     assert again is not None and again.bytes() == answer.bytes()
 
 
-@methods
-@regimes
+@pairs(METHODS, DRAWN[len(METHODS) : 2 * len(METHODS)])
 def test_numbered_otherwise_everything_is_the_same_but_for_rounding(method, regime):
     severity, answer = both(method, regime)[-1]
     other = shown(method, regime, severity, "renumbered")
@@ -112,8 +120,7 @@ def test_numbered_otherwise_everything_is_the_same_but_for_rounding(method, regi
         same_roots(regime, scene, answer.vertices, {k: v[:, now_at] for k, v in other.vertices.items()})
 
 
-@methods
-@regimes
+@pairs(METHODS, DRAWN[-len(METHODS) :])
 def test_turned_and_moved_everything_is_the_same(method, regime):
     severity, answer = both(method, regime)[-1]
     scene = prepared(regime, severity)[0]

@@ -14,8 +14,6 @@ from benchharness.scene import Camera
 from methods.environment_map import EnvironmentMap
 from methods.image_space_search import ImageSpaceSearch
 
-pytestmark = pytest.mark.usefixtures("module_cache")
-
 
 def test_the_search_is_far_better_than_the_map(room, renderer, truth_of_room):
     search, map_ = (shaded(m, room, 0, renderer=renderer)[0] for m in (ImageSpaceSearch(), EnvironmentMap()))

@@ -23,8 +23,6 @@ OWN = ("environment_map", "image_space_search", "newton", "ray_traced", "secant_
 BY_VERTEX = ("image_space_search", "newton", "secant_triangle")
 NEAR_BALL = (-0.45, 0.0, 0.0)
 
-pytestmark = pytest.mark.usefixtures("module_cache")
-
 
 # The contract
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from support.answers import picture
 from support.depth_scenes import off_axis, view
 from support.mirror_room import shaded
@@ -15,7 +14,6 @@ from methods.ray_traced import RayTraced
 SIZE = (241, 181)
 
 
-@pytest.mark.usefixtures("module_cache")
 def test_a_small_ball_at_the_outline_of_a_mirror_is_whole():
     made = replace(off_axis(0.05, 1.5), camera=view((0, 2.5, 3.5), (0, 0.93, 0.37), fov_deg=5.0))
     truth = picture(made, SIZE)

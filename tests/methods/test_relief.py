@@ -182,7 +182,6 @@ def test_mirror_and_object_that_move_together_keep_their_maps():
 # Mirrors in mirrors
 
 
-@pytest.mark.usefixtures("module_cache")
 def test_own_maps_show_a_mirror_in_itself():
     made = two_in_one()
     exact, without, rows, texels = answers(
@@ -204,7 +203,6 @@ def test_a_convex_mirror_does_not_meet_itself(intersector):
     assert differ(owned, plainly, 1e-3)[owned.active].mean() < 0.005
 
 
-@pytest.mark.usefixtures("module_cache")
 def test_reflections_of_second_order_are_nearer_than_by_billboards():
     made = pair()
     exact, boards, maps, black = answers(

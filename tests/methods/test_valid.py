@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from support.hollow_shapes import Ring
+from support.known_reflections import METHODS, points_of, reflected
 from support.mirror_room import scene, shaded, still
-from test_fuzz import METHODS, points_of, reflected
 
 from benchharness.api import Method
 from benchharness.measure import truth

@@ -8,10 +8,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
+from oracles.fresnel_oracle import fresnel_by_amplitudes
 from oracles.ray_oracle import first_hits
 from support.mirror_room import ball, lit, scene, smooth, still
 from support.small_room import box, quad, sphere
-from test_optics import fresnel_by_amplitudes
 
 from benchharness.render.frame import FrameRenderer
 from benchharness.scene import Mesh, Object, Reflector, merged

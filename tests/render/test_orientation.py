@@ -22,8 +22,6 @@ from benchharness.study import plugins
 SIZE = (160, 120)
 METHODS = [name for name, plugin in plugins.discover("method").items() if plugin.error is None]
 
-pytestmark = pytest.mark.usefixtures("module_cache")
-
 
 def wound(mesh: Mesh, turn: np.ndarray, normals=None) -> Mesh:
     """Some faces wound the other way; normals that follow from that if none are given."""
@@ -85,7 +83,9 @@ def test_faces_wound_at_random_are_wound_as_most_of_the_area_is():
     assert (found.sign == np.where(turn, -1, 1)).all() and found.closed.all()
 
 
-@pytest.mark.parametrize("turn", [np.ones(10_000, bool), HALF_OF_IT], ids=["all", "half"])
+@pytest.mark.parametrize(
+    "turn", [pytest.param(np.ones(10_000, bool), marks=pytest.mark.exhaustive), HALF_OF_IT], ids=["all", "half"]
+)
 def test_a_mirror_wound_wrongly_is_turned_outwards_with_its_normals(turn):
     ball = welded(sphere(0.5, slices=48, stacks=24))
     wrong = wound(ball, turn[: len(ball.faces)])

@@ -28,8 +28,6 @@ AXES = np.concatenate([np.eye(3), -np.eye(3)])
 COLOURS = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 1, 1], [1, 0, 1], [1, 1, 0]], float)
 """Of +x, +y, +z, -x, -y, -z."""
 
-pytestmark = pytest.mark.usefixtures("module_cache")
-
 
 def six_colours(d: np.ndarray) -> np.ndarray:
     """A smooth sky that is one of COLOURS in the middle of each of the AXES."""
@@ -192,8 +190,7 @@ def test_rays_show_the_panorama_as_mitsuba_does(open_air):
 @pytest.mark.parametrize("name", METHODS)
 def test_every_method_shows_the_panorama_in_a_mirror(name, open_air):
     made, renderer, truth = open_air
-    if METHODS[name]().refuses(made) is not None:
-        return
+    assert METHODS[name]().refuses(made) is None
     answer = shaded(METHODS[name](), made, 0, renderer=renderer)[0]
     far = np.isinf(truth.distance) & answer.active & truth.mask & np.isinf(answer.distance)
     assert answer.found[answer.active].all()

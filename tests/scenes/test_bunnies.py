@@ -55,6 +55,7 @@ def test_there_are_enough_vertices_and_not_too_many():
     assert built().vertices < 16000
 
 
+@pytest.mark.exhaustive
 def test_paper_detail_has_the_stanford_bunnys_vertices():
     # The full scan of the Stanford 3D Scanning Repository has 35,947.
     assert len(creature.body(CELLS["paper"]).vertices) == pytest.approx(35947, rel=0.01)

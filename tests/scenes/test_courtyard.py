@@ -118,7 +118,7 @@ def test_the_grounds_light_is_what_the_upper_half_sends():
 
 
 @pytest.fixture(scope="module")
-def open_floor(module_cache) -> Scene:
+def open_floor() -> Scene:
     """The floor alone in the courtyard, baked."""
     scene = Scene("open", (courtyard.floor(),), (), None, 1, environment=courtyard.environment())  # type: ignore[arg-type]  # baked, never seen: no camera
     return bake(scene, spp=256, max_depth=3)
@@ -179,7 +179,7 @@ def test_the_checker_goes_on_beyond_the_border_in_step_and_in_light(open_floor):
 
 
 @pytest.mark.parametrize("name", ["teapots", "spheres"])
-def test_mirrors_do_not_change_the_light_at_the_border(name, module_cache):
+def test_mirrors_do_not_change_the_light_at_the_border(name):
     from scenes.spheres import spheres
     from scenes.teapots import teapots
 

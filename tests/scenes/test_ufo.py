@@ -46,6 +46,7 @@ def local(pose: np.ndarray, points: np.ndarray) -> np.ndarray:
 # What is asked for
 
 
+@pytest.mark.exhaustive
 def test_paper_detail_has_the_papers_vertex_counts():
     # Estalella et al. 2006: 63,884 vertices, 81,977 after splitting large triangles.
     scene = built("paper")

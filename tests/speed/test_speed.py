@@ -237,6 +237,7 @@ def test_the_fit_finds_a_line():
     assert tessellation.fit(rows[:1]) == {"points": 1}
 
 
+@pytest.mark.exhaustive
 def test_the_study_sees_the_error_fall_with_the_vertices(room):
     found = tessellation.study({"lean": room}, (96, 64), FRAME, 2, lambda text: None, targets=(100, 6_000))
     names = {row["method"] for row in found.rows}
@@ -263,6 +264,7 @@ def test_the_study_sees_the_error_fall_with_the_vertices(room):
 # Iterations
 
 
+@pytest.mark.exhaustive
 def test_iterations_are_counted_and_shown_where_the_mirror_shows_them(room):
     cases = iterations.study(room, (96, 64), FRAME, lambda text: None)
     rows = {case.name: case.row() for case in cases}

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from support.ink import ink, pixels, shown
 from support.mirror_room import lit, mirror_ball
 from support.mirror_room import scene as scene_of
 from support.small_room import quad
@@ -224,5 +225,8 @@ def test_the_command_writes_tables_and_pictures(found, room, tmp_path, monkeypat
         assert list(written[0]) == columns and len(written) == len(rows)
         for one, other in zip(written, rows, strict=True):
             assert one == {column: str(other.get(column, "")) for column in columns}
-    for name in ("impostor-edges.png", "impostor-cost.png"):
-        assert (out / name).stat().st_size > 10_000
+    for half in np.array_split(pixels(out / "impostor-cost.png"), 2, axis=1):
+        assert all(ink(half, colour) > 60 for colour in ("#0072B2", "#56B4E9", "#D55E00"))
+    strip = np.array_split(pixels(out / "impostor-edges.png"), len(found.panels), axis=1)
+    for picture, panel in zip(strip, found.panels, strict=True):
+        assert shown(picture, panel.pixels) > 0.99, panel.title

@@ -27,7 +27,7 @@ SEEN = {"ppd": 67.0, "exposure": 0.0}
 def entry(name: str) -> Entry:
     if name[0].isupper():
         return Entry(name, f"{HERE / 'motion_plugins.py'}:{name}", {})
-    return plugged_in(str(HERE.parent / "methods" / f"{name}.py"), Here())
+    return plugged_in(str(HERE.parents[1] / "methods" / f"{name}.py"), Here())
 
 
 def grey(lightness: float) -> np.ndarray:
@@ -121,7 +121,7 @@ def test_roots_that_a_cold_start_has_elsewhere_are_counted():
 
 
 @pytest.fixture(scope="module")
-def steady(tmp_path_factory, module_cache):
+def steady(tmp_path_factory):
     folder = tmp_path_factory.mktemp("steady")
     names = ("ray_traced", "newton", "environment_map", "Shaky")
     asked = Motion((TURNING,), ("steady",), frames=COUNT, substeps=1, start=10, size=SIZE)
@@ -181,7 +181,7 @@ def test_rows_have_the_columns_and_pictures_are_there(steady, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def cut(tmp_path_factory, module_cache):
+def cut(tmp_path_factory):
     names = ("newton", "Lagging")
     groups = motion.units([entry(name) for name in names], Motion((TURNING,), ("cut",), substeps=1, size=SIZE))
     (group,) = groups.values()
@@ -203,7 +203,7 @@ def test_what_answers_from_before_the_cut_is_caught_for_as_long_as_it_does(cut):
     assert all(f["flip"] > f["cold_flip"] + 0.05 for f in after[:2])
 
 
-def test_films_jump_where_they_say(module_cache):
+def test_films_jump_where_they_say():
     cut, there, still = (film.film(TURNING, kind, 6, 2, None, SIZE) for kind in ("cut", "teleport", "steady"))
     assert there.jump == film.BEFORE and still.jump is None and still.scene.fps == 50
     for made, camera_jumps, red_jumps in ((cut, True, False), (there, False, True)):

@@ -127,7 +127,7 @@ def test_verdicts(record, expected):
 
 
 @pytest.fixture(scope="module")
-def rows(tmp_path_factory, module_cache):
+def rows(tmp_path_factory):
     """Rows of a floor in a convex mirror, by method and kind: traced rays, and a hash of the eye's position."""
     folder = tmp_path_factory.mktemp("perturbation")
     (folder / "hash_of_the_eye.py").write_text(NOISE)

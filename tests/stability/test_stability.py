@@ -20,6 +20,7 @@ from benchharness.execution import folder
 from benchharness.regime import miss
 from benchharness.report import matrix
 from benchharness.stability import atlas, children, motion, perturbation, plan
+from benchharness.study.methods import Entry
 from benchharness.tables import naming
 from scenes import stress
 
@@ -180,7 +181,10 @@ class Broken(Method):
 
 @pytest.mark.parametrize(
     ("what", "timeout_s", "status", "reason"),
-    [("os.abort()", 600.0, "crashed", "SIGABRT"), ("time.sleep(600)", 20.0, "timeout", "no answer for 20 s")],
+    [
+        ("os.abort()", 600.0, "crashed", "SIGABRT"),
+        pytest.param("time.sleep(600)", 20.0, "timeout", "no answer for 20 s", marks=pytest.mark.exhaustive),
+    ],
 )
 def test_what_ends_or_hangs_a_process_costs_its_own_rows_only(plugins_here, tmp_path, what, timeout_s, status, reason):
     (tmp_path / "broken.py").write_text(BROKEN.format(what=what))
@@ -237,6 +241,7 @@ def table(folder):
         return list(csv.DictReader(stream))
 
 
+@pytest.mark.exhaustive
 def test_a_crash_is_exit_code_three_and_a_used_folder_is_taken_up_or_refused(plugins_here, tmp_path):
     (tmp_path / "broken.py").write_text(BROKEN.format(what="raise RuntimeError('no such root')"))
     wanted = stability.Wanted([str(tmp_path / "broken.py")], ["broken", "ray_traced"], regimes=["contact"], severity=1.0)
@@ -272,6 +277,7 @@ def interruptible():
     signal.signal(signal.SIGINT, before)
 
 
+@pytest.mark.exhaustive
 def test_an_interrupted_suite_keeps_its_rows_ends_at_once_and_is_taken_up(plugins_here, tmp_path, interruptible):
     flag, out = tmp_path / "flag", tmp_path / "run"
     (tmp_path / "broken.py").write_text(BROKEN.format(what=f"if not Path({str(flag)!r}).exists(): time.sleep(600)"))

@@ -11,6 +11,7 @@ from pathlib import Path
 import mitsuba as mi  # noqa: F401  (so that the variant is set)
 import pytest
 from support import study
+from support.tiers import first
 
 from benchharness.execution import estimate
 from benchharness.modelling import subdivision
@@ -226,6 +227,7 @@ def test_numbers_of_the_methods_have_upper_bounds():
                         parameter.value(number, f"{name}.{parameter.name}")
 
 
+@pytest.mark.exhaustive
 def test_a_sweep_of_many_values_is_read_in_seconds(write):
     began = time.monotonic()
     loaded = config.load(write(GOOD.replace("[1, 2]", f"{[*range(500)]}")))
@@ -315,9 +317,10 @@ def test_the_method_hash_follows_the_source_file(write, tmp_path):
 
 
 CONFIGS = sorted((Path(__file__).parents[2] / "configs").glob("*.toml"))
+QUICK = [path for path in CONFIGS if path.stem in ("kitchen", "kitchen-quick", "stability")]  # the others build larger scenes
 
 
-@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", first(CONFIGS, QUICK), ids=lambda path: path.stem)
 def test_a_config_that_comes_with_it_is_valid_and_says_what_it_is_about(path):
     if path.stem == "stability":
         assert plan.load(path).studies

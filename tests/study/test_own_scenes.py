@@ -14,8 +14,6 @@ from benchharness.study import plugins, tablescene
 SIZE = (120, 80)
 RANKED = ("ray_traced", "newton", "environment_map")
 
-pytestmark = pytest.mark.usefixtures("module_cache")
-
 
 def own_room(folder, inside: bool, scale: float = 1.0, at=(0.0, 0.0, 0.0)):
     walls = trimesh.creation.box((6, 6, 3))

@@ -40,8 +40,9 @@ def replaced(name: str, **content: object) -> None:
 def command(folder: Path) -> Path:
     """An executable of this in a folder, called as the real one is."""
     file = folder / "benchharness"
-    file.write_text(f"#!{sys.executable}\nimport sys\nsys.path.insert(0, {str(Path(__file__).parent)!r})\nimport quick_cli\n")
-    file.write_text(file.read_text() + "quick_cli.main(__file__)\n")
+    tests = str(Path(__file__).parents[1])
+    lines = (f"#!{sys.executable}", "import sys", f"sys.path.insert(0, {tests!r})", "from support import quick_cli")
+    file.write_text("\n".join((*lines, "quick_cli.main(__file__)", "")))
     file.chmod(0o755)
     return file
 

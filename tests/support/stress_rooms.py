@@ -10,15 +10,14 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
+from support.known_reflections import METHODS
 from support.mirror_room import shaded
 
 from benchharness.measure import runup
 from benchharness.render.frame import FrameRenderer
 from benchharness.scene import Camera, Mesh, Reflector, Scene, refined
 from benchharness.stability import altered, atlas
-from benchharness.study import plugins
 
-METHODS = {name: plugin.target for name, plugin in plugins.discover("method").items()}
 REGIMES = atlas.regimes()
 SIZE = (96, 72)
 

@@ -117,7 +117,7 @@ def test_damaged_tables_are_compared_or_refused_with_the_place(tmp_path):
     assert said.count("refused") > 50 and said.count("compared") > 20
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_many_damaged_tables_are_compared_accepted_and_reported_or_refused(tmp_path):
     for seed in range(1000, 4000):
         answered(tmp_path, seed)

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from oracles.ray_oracle import first_hits, rays
 from support.answers import off_px
 from support.mirror_room import mirror_ball, scene, shaded, smooth, still, walls
+from support.packed import numbers, packed
 from support.truth_shapes import unit
-from test_raster import numbers, packed
 
 from benchharness.kernels import raster
 from benchharness.render.frame import FrameRenderer, view_of

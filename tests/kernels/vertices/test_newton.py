@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 from oracles import secant_oracle
+from support.newton_meshes import turned_over, walked
 from support.placed import EYE, host, off_px, place, points
 from support.small_room import box, quad, sphere
 from support.star_shapes import Bumpy, Cylinder, Ellipsoid, Sphere, lowest, truths
@@ -26,10 +27,6 @@ LOWER = np.array([0.1, 0.2, -0.9])  # an eye below the hemisphere, looking up in
 def part(mesh: Mesh, keep) -> Mesh:
     used, faces = np.unique(mesh.faces[keep], return_inverse=True)
     return Mesh(mesh.vertices[used], faces.reshape(-1, 3), mesh.normals[used])
-
-
-def turned_over(mesh: Mesh) -> Mesh:
-    return Mesh(mesh.vertices, mesh.faces[:, ::-1], -mesh.normals)
 
 
 def hemisphere() -> Mesh:
@@ -69,18 +66,6 @@ def ready(name: str) -> newton.Mesh:
 def around(seed, count, least=1.8):
     rng = np.random.default_rng(seed)
     return unit(rng.normal(size=(count, 3))) * rng.uniform(least, 5, (count, 1))
-
-
-def walked(mirror: newton.Mesh, where, first=None, max_iter=60, touches=False):
-    """(solution, sight), evaluated; from the best candidate unless told, as the methods do it."""
-    active = dr.full(mi.Bool, True, dr.width(where.V))
-    sight = newton.look_at(mirror, where, active)
-    if first is None:
-        first = dr.select(sight.near, sight.on, newton.best_candidate(mirror, where, active)[0])
-        touches = sight.touches
-    s = newton.walk(mirror, where, first, active, mi.UInt32(max_iter), touches)
-    dr.eval(s, sight)
-    return s, sight
 
 
 @cache

@@ -2,6 +2,8 @@
 
 Mirrors, eyes and vertices are random (`random_mirrors`), the truth is solved for on the mesh in float64 (`mesh_roots`). What
 cannot be known is not converged. Near contact, within NEAREST of the mirror's size, the vertex itself is its reflection point.
+
+The first tier has a convex mirror and a hollow one; the rest has two of every kind.
 """
 
 from __future__ import annotations
@@ -9,10 +11,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from oracles.mesh_roots import pixels_off
+from support.known_reflections import METHODS, points_of
 from support.mirror_room import scene, shaded, still
 from support.random_mirrors import KINDS, eye_before, mirror, vertices
 from support.stress_rooms import law
-from test_fuzz import METHODS, points_of
+from support.tiers import exhaustive
 
 from benchharness.api import Method
 from benchharness.kernels.pixels import WRONG_PX
@@ -67,10 +70,15 @@ def method_of(name: str) -> Method:
     return METHODS[method](**parameters)
 
 
-@pytest.mark.parametrize("kind", [pytest.param(k, marks=pytest.mark.slow) if k == "finest" else k for k in KINDS])
-def test_what_is_called_converged_is_a_reflection_point_of_the_mesh(kind):
+QUICK = [("round", 1), ("hollow", 1)]
+
+
+@pytest.mark.parametrize(
+    ("kind", "seeds"), [*QUICK, *(pytest.param(kind, SEEDS.get(kind, 2), marks=exhaustive) for kind in KINDS)]
+)
+def test_what_is_called_converged_is_a_reflection_point_of_the_mesh(kind, seeds):
     seen = dict.fromkeys(ASKED, 0.0)
-    for seed in range(SEEDS.get(kind, 2)):
+    for seed in range(seeds):
         rng = np.random.default_rng([seed, KINDS.index(kind)])
         mirror_ = mirror(kind, rng)
         eye, fov_deg = eye_before(mirror_, rng)

@@ -11,61 +11,21 @@ import pytest
 from oracles import secant_oracle as oracle
 from scipy.spatial.transform import Rotation
 from support.placed import EYE, host, mapped, off_px, place, points
-from support.star_shapes import Bumpy, Ellipsoid, Sphere, hidden, truths
+from support.secant_cases import MIRRORS, TABLE, around, classed, flags, solved, star_of
+from support.star_shapes import Ellipsoid, hidden, truths
 from support.truth_shapes import alhazen, unit
-from test_secant_oracle import TABLE
 
 from benchharness.kernels import placement
 from benchharness.kernels.vertices import secant, starmap
 
-MOVED = {"origin": (0.3, -0.2, 0.5), "turn": (0.4, -0.7, 0.2)}
-MIRRORS = {
-    "sphere": Sphere(),
-    "ellipsoid": Ellipsoid(half=(1.0, 0.6, 1.4)),
-    "sphere about another point": Sphere(centre=(0.3, -0.2, 0.4)),
-    "ellipsoid somewhere": Ellipsoid(half=(1.0, 0.6, 1.7), **MOVED),
-    "bumpy": Bumpy(eps=0.3),
-    "bumpy somewhere": Bumpy(eps=0.3, **MOVED),
-}
 CASES = list(TABLE)
 BALL = MIRRORS["sphere"]
 every_stop = pytest.mark.parametrize("stop", ["area", "edge"])
 every_start = pytest.mark.parametrize("start", ["paper", "near"])
 
 
-@cache
-def star_of(name: str, side: float = 1.0):
-    return mapped(MIRRORS[name], 128, side)
-
-
-def solved(star, where: placement.Place, stop="edge", start="paper", residual="param", last=None, max_iter=60):
-    """A solution, evaluated. `last`: directions [N, 3] to start around, all warm."""
-    count = dr.width(where.V)
-    u = mi.Vector3f(dr.zeros(mi.Float, count)) if last is None else mi.Vector3f(points(last))
-    warm, active = dr.full(mi.Bool, last is not None, count), dr.full(mi.Bool, True, count)
-    tau = mi.Float(oracle.TAU[stop])
-    s = secant.solve(secant.Options(residual, stop, start), star, where, u, warm, active, tau, mi.UInt32(max_iter))
-    dr.eval(s)
-    return s
-
-
-def flags(s) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(converged, behind, iterations)."""
-    return np.array(s.converged), np.array(s.behind), np.array(s.iterations).astype(int)
-
-
 def all_finite(s) -> bool:
     return all(np.isfinite(np.array(value)).all() for value in vars(s).values())
-
-
-def around(seed, count):
-    rng = np.random.default_rng(seed)
-    return unit(rng.normal(size=(count, 3))) * rng.uniform(1.8, 5, (count, 1))
-
-
-@cache
-def classed(name, low, high):
-    return truths(MIRRORS[name], EYE, 0, 300, low, high)
 
 
 @cache

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from oracles import secant_oracle as oracle
 from oracles.secant_oracle import combination, gradient, on_screen, place_for_lost, secant, size_px, solve
+from support.secant_cases import TABLE, printed
 from support.star_shapes import Bumpy, Ellipsoid, Sphere, hidden, truths
 from support.truth_shapes import unit
 
@@ -52,12 +53,6 @@ def test_the_gradient_is_how_the_paths_length_changes(shape):
     along, _ = gradient(shape, EYE, V, u, "surface")
     np.testing.assert_allclose((along * dP).sum(axis=1), by_differences, atol=1e-7)
     np.testing.assert_allclose((along * shape.n(u)).sum(axis=1), 0, atol=1e-14)
-
-
-def printed(shape, eye, V, u):
-    """Equation (1) as the paper has it."""
-    e = unit(shape.P(u) - eye) + unit(shape.P(u) - V)
-    return (shape.grad_r(u) * e).sum(axis=1, keepdims=True) * u + e - (u * e).sum(axis=1, keepdims=True) * u
 
 
 def test_at_reflection_points_our_gradient_vanishes_and_the_printed_one_does_not():
@@ -143,14 +138,6 @@ def test_the_first_triangle_is_as_the_paper_has_it():
 # each, made from points with cosines of incidence in a class. Per stop: mean iterations, wrong (stopped more than 2 px off),
 # not stopped. None: not measured then.
 
-TABLE = {
-    ("sphere", 0.5, 1.0): {"area": (5.4, 26, 0), "edge": (7.0, 6, 2)},
-    ("sphere", 0.2, 0.5): {"area": (7.0, 54, 0), "edge": (9.0, 8, 4)},
-    ("sphere", 0.02, 0.2): {"area": (13.3, 64, 18), "edge": (14.7, 18, 18)},
-    ("ellipsoid", 0.5, 1.0): {"area": (5.3, 10, 0), "edge": (6.4, 2, 1)},
-    ("ellipsoid", 0.2, 0.5): {"area": None, "edge": None},
-    ("ellipsoid", 0.02, 0.2): {"area": (14.7, 63, 33), "edge": (16.8, 12, 35)},
-}
 MIRRORS = {"sphere": Sphere(), "ellipsoid": Ellipsoid(half=(1.0, 0.6, 1.4))}
 STARTS = ["paper", "bisector"]
 

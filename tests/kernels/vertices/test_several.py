@@ -25,8 +25,6 @@ from scenes.props.minimal import sphere
 from scenes.stress.torus import torus
 from scenes.stress.zones import zones
 
-pytestmark = pytest.mark.usefixtures("module_cache")
-
 ALL = {"newton": Newton(), "secant_triangle": SecantTriangle(resolution=64), "image_space_search": ImageSpaceSearch()}
 every_method = pytest.mark.parametrize("name", ALL)
 EYE = np.array([0.1, 0.05, -0.6])

@@ -4,66 +4,20 @@ from __future__ import annotations
 
 import dataclasses
 
-import drjit as dr
-import mitsuba as mi
 import numpy as np
 import pytest
 from oracles.ray_oracle import first_hits, rays
 from scipy.ndimage import maximum_filter, minimum_filter
-from support.mirror_room import ball, plain, scene, smooth, still
+from support.mirror_room import ball, plain, scene, still
 from support.small_room import box, quad, sphere
-from support.truth_shapes import alhazen, unit
+from support.truth_shapes import unit
+from support.virtual_drawing import CAMERA, EYE, HEIGHT, SHEET, WIDTH, coloured, draw, in_the_plane, on_the_sphere
 
-from benchharness.kernels import geometry
-from benchharness.kernels.vertices import search, virtual
-from benchharness.render.frame import FrameRenderer
+from benchharness.kernels.vertices import virtual
 from benchharness.scene import Object, Reflector, subdivided
 
-WIDTH, HEIGHT = 96, 72
-EYE = np.array([0.3, -3.0, 0.4])
 ASIDE = np.array([1.7, -1.6, 0.9])
-CAMERA = still(tuple(EYE), (0.0, 0.0, 0.0), 40.0)
-SHEET = Reflector("sheet", quad((-1, 0, -0.8), (2, 0, 0), (0, 0, 1.6)))  # the plane y = 0, seen from -y
 TURNED_OVER = np.diag([1.0, -1.0, 1.0, 1.0])
-
-
-def coloured(mesh):
-    return dataclasses.replace(mesh, radiance=smooth(5 * mesh.vertices))
-
-
-def draw(made, moved, kind, at, hidden="cut", depth="perspective", whole=False, behind=False):
-    """What mirror 0 shows of `made`: L [P, 3], distance [P], covered [P], and the frame.
-
-    In the frame, the objects hide no mirror unless `whole`.
-
-    moved, at [V, 3], kind [V]     virtual positions, reflection points and kinds of the vertices of the objects
-    hidden, depth, behind          `virtual.Drawing`
-    """
-    frame = FrameRenderer(made if whole else dataclasses.replace(made, objects=()), WIDTH, HEIGHT).render(0)
-    lit = [(o.mesh.vertices, o.mesh.radiance, o.mesh.faces) for o in made.objects]
-    black = [(r.mesh.vertices, np.zeros_like(r.mesh.vertices), r.mesh.faces) for r in made.reflectors]
-    triangles = geometry.upload(lit + black)
-    rest = triangles.vertex_count - len(kind)
-    packets = np.concatenate([np.column_stack([moved, kind]), np.zeros((rest, 4))]).astype(np.float32)
-    points = np.concatenate([np.column_stack([at, np.zeros(len(kind))]), np.zeros((rest, 4))]).astype(np.float32)
-    part = dr.opaque(mi.UInt32, len(made.objects))
-    window = search.window(frame.view, frame.boxes[0], 1.0)
-    texels = search.render(frame.proxies[0], frame.poses, dr.opaque(mi.UInt32, 0), window.view)
-    back = virtual.nearest_back(frame.proxies[0], frame.poses, dr.opaque(mi.UInt32, 0), frame.view) if behind else None
-    L, distance, covered, _ = virtual.draw(
-        virtual.Images(mi.Float(packets.ravel()), mi.Float(points.ravel())), triangles, part, frame.view, frame.p,
-        frame.reflector, dr.opaque(mi.Int32, 0), virtual.Drawing(hidden, depth, behind),
-        virtual.Picture(texels, window.view), back,
-    )  # fmt: skip
-    return np.array(L).T, np.array(distance), np.array(covered), frame
-
-
-def in_the_plane(V, eye=EYE):
-    """(virtual vertices, kinds, reflection points) of V in the plane y = 0: in front is reflected, behind is hidden."""
-    image = V * [1, -1, 1]
-    R = eye - eye[1] / (image - eye)[:, 1:2] * (image - eye)
-    front = V[:, 1] < 0
-    return image, np.where(front, virtual.REFLECTED, virtual.HIDDEN), np.where(front[:, None], R, V)
 
 
 def vertices_of(made):
@@ -188,22 +142,6 @@ def test_a_closed_thing_around_the_mirror_shows_no_backs_and_an_open_one_does():
         moved, kind, at = in_the_plane(vertices_of(made))
         at = np.zeros_like(at)
         assert draw(made, moved, np.full_like(kind, virtual.REFLECTED), at)[2].any() == some
-
-
-def on_the_sphere(V):
-    """(virtual vertices, kinds, reflection points) of V in the unit sphere, by Alhazen."""
-    along = V - EYE
-    A, B, C = (along**2).sum(1), along @ EYE, EYE @ EYE - 1
-    t = (-B - np.sqrt(np.maximum(B**2 - A * C, 0))) / A
-    hidden = (B**2 > A * C) & (t < 1) & (t > 0)
-    R = np.array([alhazen(EYE, v) for v in V])
-    away = np.linalg.norm(R - EYE, axis=1) + np.linalg.norm(V - R, axis=1)
-    image = EYE + away[:, None] * unit(R - EYE)
-    return (
-        np.where(hidden[:, None], 99.0, image),
-        np.where(hidden, virtual.HIDDEN, virtual.REFLECTED),
-        np.where(hidden[:, None], V, R),
-    )
 
 
 def test_a_sheet_across_the_edge_of_a_mirrors_shadow_is_shown_up_to_the_outline():

@@ -12,7 +12,7 @@ from oracles.ray_oracle import rays
 from support.mirror_room import scene, still
 from support.small_room import quad, sphere
 from support.truth_shapes import unit
-from test_virtual import CAMERA, EYE, HEIGHT, SHEET, WIDTH, coloured, draw, in_the_plane, on_the_sphere
+from support.virtual_drawing import CAMERA, EYE, HEIGHT, SHEET, WIDTH, coloured, draw, in_the_plane, on_the_sphere
 
 from benchharness.kernels.vertices import virtual
 from benchharness.render.frame import FrameRenderer, view_of

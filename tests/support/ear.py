@@ -1,0 +1,21 @@
+"""What hears a run."""
+
+from __future__ import annotations
+
+import mitsuba as mi  # noqa: F401  (so that the variant is set)
+
+
+class Ear:
+    """Hears what a run says."""
+
+    def __init__(self):
+        self.notes, self.frames = [], []
+
+    def job(self, number, job, left):
+        self.frames.append(left)
+
+    def frame(self, frame, records):
+        self.frames.append(frame)
+
+    def note(self, text):
+        self.notes.append(text)

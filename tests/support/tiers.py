@@ -1,0 +1,39 @@
+"""Which parameters of a test are in the first tier, `make test`; the others are marked `exhaustive`, for `make test-all`.
+
+What is in the first tier depends on nothing but the order of the parameters: it is the same on every machine and in every run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import pytest
+
+exhaustive = pytest.mark.exhaustive
+
+
+def first(values: Iterable, chosen: Iterable) -> list:
+    """The values as parameters; all but those chosen are exhaustive. A choice that is no value is refused."""
+    values, chosen = list(values), list(chosen)
+    assert all(value in values for value in chosen), f"{[c for c in chosen if c not in values]} are not among {values}"
+    return [value if value in chosen else pytest.param(value, marks=exhaustive) for value in values]
+
+
+def every(step: int, values: Iterable) -> list:
+    """The values, tuples of parameters each, of which every so many-th is in the first tier, beginning with the first."""
+    return [pytest.param(*value, marks=() if k % step == 0 else exhaustive) for k, value in enumerate(values)]
+
+
+def in_turns(ones: Iterable[str], others: Sequence[str]) -> list[tuple[str, str]]:
+    """Each of some names with one of others, which take turns: any len(others) pairs in a row hold each of them once."""
+    return [(one, others[k % len(others)]) for k, one in enumerate(ones)]
+
+
+def paired(ones: Iterable[str], others: Iterable[str], drawn: Iterable[tuple[str, str]]) -> list:
+    """All pairs of two lists of names as parameters; all but those drawn are exhaustive."""
+    others, drawn = list(others), set(drawn)
+    return [
+        pytest.param(one, other, id=f"{one}-{other}", marks=() if (one, other) in drawn else exhaustive)
+        for one in ones
+        for other in others
+    ]
