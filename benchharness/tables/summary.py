@@ -3,39 +3,38 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
 
 from benchharness.tables.columns import GROUP, RESULTS, STATUSES
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 OVER: dict[str, Callable[[list], Any]] = {"median": statistics.median, "mean": statistics.fmean, "max": max, "sum": sum}
 
 
 def summary(records: Iterable[Mapping]) -> list[dict]:
-    """One row per group of `columns.GROUP`, in order of appearance, with the keys `columns.SUMMARY`."""
-    import pandas as pd  # here, as most who read or write a table need none of it
+    """One row per group of `columns.GROUP`, in order of appearance, with the keys `columns.SUMMARY`.
 
-    # As objects, so that None stays None and an integer one beside it.
-    frame = pd.DataFrame(list(records), columns=[column.name for column in RESULTS], dtype=object)
-    return [_row(rows) for _, rows in frame.groupby(list(GROUP), sort=False, dropna=False)]
+    A number without meaning (None or NaN) is left out; what no frame has is None.
+    """
+    groups: dict[tuple, list[Mapping]] = {}
+    for record in records:
+        groups.setdefault(tuple(record[name] for name in GROUP), []).append(record)
+    return [_row(rows) for rows in groups.values()]
 
 
-def _row(rows: pd.DataFrame) -> dict[str, Any]:
-    ok = rows[rows["status"] == "ok"]
-    worst = rows.iloc[rows["status"].map(list(STATUSES).index).argmax()]
-    flips = _present(ok["flip"])
+def _row(rows: Sequence[Mapping]) -> dict[str, Any]:
+    ok = [row for row in rows if row["status"] == "ok"]
+    worst = max(rows, key=lambda row: list(STATUSES).index(row["status"]))
+    flips = _present(ok, "flip")
     over = {}
     for column in (column for column in RESULTS if column.over):
-        values = _present((rows if column.over == "sum" else ok)[column.name])
+        values = _present(rows if column.over == "sum" else ok, column.name)
         over[column.name] = OVER[column.over](values) if values else None
     return {
         **{name: worst[name] for name in (*GROUP, "status", "reason")},
         "frames": len(rows),
         "frames_ok": len(ok),
-        "frames_in_view": sum(pixels > 0 for pixels in _present(rows["reflector_px"])),
+        "frames_in_view": sum(pixels > 0 for pixels in _present(rows, "reflector_px")),
         "ok_ratio": len(ok) / len(rows),
         "flip_min": min(flips, default=None),
         "flip_max": max(flips, default=None),
@@ -43,6 +42,7 @@ def _row(rows: pd.DataFrame) -> dict[str, Any]:
     }
 
 
-def _present(values: pd.Series) -> list:
-    """The numbers of a column, without those that have no meaning."""
-    return values.dropna().tolist()
+def _present(rows: Sequence[Mapping], name: str) -> list:
+    """The numbers of a column; NaN is none, as it is not itself."""
+    values = (row.get(name) for row in rows)
+    return [value for value in values if value is not None and value == value]
