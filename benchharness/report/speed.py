@@ -41,7 +41,8 @@ def _table(file: Path, kinds: Mapping[str, Kind]) -> pd.DataFrame:
 def vertices(folder: Path) -> Figure:
     """Time of a frame and error against vertices: a row of two panels per detail, a colour per method."""
     rows = _table(folder / speed.VERTICES, speed.VERTICES_KINDS)
-    fits = _table(folder / speed.FITS, speed.FITS_KINDS).set_index(["detail", "method"])["ms_per_1000_vertices"]
+    fits = _table(folder / speed.FITS, speed.FITS_KINDS).dropna(subset=["ms_per_1000_vertices"]).to_dict("records")
+    slopes = {(fit["detail"], fit["method"]): fit["ms_per_1000_vertices"] for fit in fits}
     methods = [name for name in rows["method"].unique() if name != speed.UNREFLECTED]
     colours = {name: look.colour for name, look in looks([{"method": name} for name in methods]).items()}
     colours[speed.UNREFLECTED] = "#555555"
@@ -49,8 +50,7 @@ def vertices(folder: Path) -> Figure:
     figure = Figure(figsize=(10, 4 * len(details)), dpi=130, layout="constrained")
     for (time, error), detail in zip(figure.subplots(len(details), 2, squeeze=False), details, strict=True):
         for name, own in rows[rows["detail"] == detail].groupby("method", sort=False):
-            slope = fits.get((detail, name), math.nan)
-            cost = f" ({slope:.2f} ms per 1000)" if math.isfinite(slope) else ""
+            cost = f" ({slopes[detail, name]:.2f} ms per 1000)" if (detail, name) in slopes else ""
             line = {"ms": 4, "lw": 1, "color": colours[str(name)]}
             time.plot(own["vertices"] / 1e3, own["frame_ms"], "o-", label=f"{name}{cost}", **line)
             if name != speed.UNREFLECTED:
@@ -85,7 +85,7 @@ def iterations(folder: Path) -> Figure:
         own = steps[steps["case"] == case["case"]]
         bins = list(np.arange(0.5, MOST_SHOWN + 1.5))
         share = own["vertices"] / own["vertices"].sum()
-        below.hist(own["iterations"].clip(upper=MOST_SHOWN), bins=bins, color="#0072B2", weights=share)
+        below.hist(np.minimum(own["iterations"], MOST_SHOWN), bins=bins, color="#0072B2", weights=share)
         below.set(xlabel=f"iterations ({MOST_SHOWN}: or more)", ylabel="share of vertices", xlim=(0.5, MOST_SHOWN + 0.5))
         below.set(title=f"mean {case['mean']:.1f}, most {case['max']}")
         figure.colorbar(image, ax=above, shrink=0.8)
@@ -98,9 +98,9 @@ def impostors(folder: Path) -> Figure:
     figure = Figure(figsize=(10, 4.2), dpi=130, layout="constrained")
     labels = {speed.REFLECTORS: "mirrors", speed.SIZE: "million pixels"}
     for axes, (table, label) in zip(figure.subplots(1, 2), labels.items(), strict=True):
-        own = rows[rows["table"] == table]
+        own = rows.query("table == @table")
         own = own.assign(x=[_across(table, setting) for setting in own["setting"]])
-        _billboards(axes, own[own["quantity"] == speed.FRAME], own[own["quantity"] == speed.SHADE])
+        _billboards(axes, own)
         axes.set(xlabel=label, ylabel="frames per second", yscale="log", title=f"billboards against {table}")
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter("{x:g}")
@@ -112,7 +112,8 @@ def impostors(folder: Path) -> Figure:
     return figure
 
 
-def _billboards(axes: Axes, frames: pd.DataFrame, shades: pd.DataFrame) -> None:
+def _billboards(axes: Axes, rows: pd.DataFrame) -> None:
+    frames, shades = (rows.query("quantity == @quantity") for quantity in (speed.FRAME, speed.SHADE))
     paper = frames.dropna(subset=["paper"])
     axes.plot(frames["x"], frames["ours"], "o-", color="#0072B2", label="whole frame")
     axes.fill_between(frames["x"], frames["ours_lo"], frames["ours_hi"], color="#0072B2", alpha=0.2, lw=0)

@@ -65,7 +65,7 @@ def _gated(column: Column, old_row: Mapping, new_row: Mapping, old, new) -> Iter
         yield Finding.about(new_row, "regression", column.name, text, size=math.inf)
     elif old is not None and new is None:
         yield Finding.about(new_row, "incomplete", column.name, f"was {_number(old)}, is not measured any more")
-    elif old is not None:
+    elif old is not None and new is not None:
         same = allowed(column.gate, old, old_row["environment"] == new_row["environment"] is not None)
         worse = column.sign * (new - old)
         if abs(worse) > same:
