@@ -132,7 +132,8 @@ def speed(
         from benchharness.speed import sitting
 
         place = out or folder.stamped("speed")
-        sitting.speed(place, size, frame, detail, rounds, Console(), vertices, iterations, impostors, complexity)
+        more = {"vertices": vertices, "iterations": iterations, "impostors": impostors, "complexity": complexity}
+        sitting.speed(place, size, frame, detail, rounds, Console(), **more)
         charts.write(place)
         return Exit.FINE
 

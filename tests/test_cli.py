@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 import benchharness
 from benchharness import cli, platform, report, stability
 from benchharness.execution import check, cluster, doctor, runner
+from benchharness.report import matrix
 from benchharness.study import shipped
 from benchharness.tables import baseline, compare, formats, origin
 
@@ -360,9 +361,10 @@ def test_stability_ends_with_the_code_and_hands_on_resume_and_yes(tmp_path, monk
 
     def ran(out, config, wanted, **options):
         given.update(options, out=out)
-        return stability.Outcome(3, 2, tmp_path / "stability.html")
+        return stability.Outcome(3, 2, tmp_path)
 
     monkeypatch.setattr(stability, "run", ran)
+    monkeypatch.setattr(matrix, "write", lambda folder: folder / "stability.html")
     done = call("stability", "--out", tmp_path, "--resume", "--yes")
     assert (done.exit_code, done.stdout) == (3, f"{tmp_path}/stability.html: 2 rows fail silently\n")
     assert given == {"out": tmp_path, "resume": True, "yes": True}

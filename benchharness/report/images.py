@@ -62,7 +62,7 @@ def frames(view: SceneView, folder: Path) -> list[FrameShots]:
     return [shots[frame] for frame in sorted(shots)]
 
 
-def data_url(file: Path, width: int, coloured: bool = False) -> str | None:
+def data_url(file: Path, width: int, *, coloured: bool = False) -> str | None:
     """A picture as a data: URL (JPEG, colours not subsampled); None where the file is missing or is no picture.
 
     coloured   a picture of one channel is an error map of 0 .. 255 and is given magma's colours

@@ -55,7 +55,7 @@ def frontier_figure(view: SceneView, looks: Mapping[str, Look]) -> go.Figure:
     places = {id(point): place for point, place in zip(view.points, view.places, strict=True)}
     for method, points in by_method(view.points).items():
         for number, curve in enumerate(curves(points)):
-            _curve(figure, view, curve, looks[method], [places[id(p)] for p in curve], number == 0)
+            _curve(figure, view, curve, looks[method], [places[id(p)] for p in curve], first=number == 0)
     return figure
 
 
@@ -78,7 +78,7 @@ def _background(figure: go.Figure, view: SceneView, left: float, bottom: float) 
         figure.add_annotation(text="reference's noise: not ranked below", **at, **text)
 
 
-def _curve(figure: go.Figure, view: SceneView, curve: list[Point], look: Look, places: list[Place], first: bool):
+def _curve(figure: go.Figure, view: SceneView, curve: list[Point], look: Look, places: list[Place], *, first: bool):
     suffix = {ON: "", UNDECIDED: "-open-dot"}
     y = [view.drawn(p.error) for p in curve]
     figure.add_scatter(

@@ -46,7 +46,7 @@ def baked(name: str, **keywords: Any) -> Scene:
     return bake(plugins.find("scene", name, "speed").target(**keywords))
 
 
-def kitchen(detail: str, moving: bool = False) -> Scene:
+def kitchen(detail: str, *, moving: bool = False) -> Scene:
     """The scene that everything is timed on, but for impostors."""
     return baked("kitchen", detail=detail, moving=moving)
 
@@ -64,6 +64,7 @@ def speed(
     detail: str,
     rounds: int,
     console: Console,
+    *,
     vertices: bool = False,
     iterations: bool = False,
     impostors: bool = False,

@@ -64,7 +64,7 @@ def _clock(name: str, title: str, says: str) -> Column:
     return Column(name, "number", says, unit="ms", title=title, better="less", over="median")
 
 
-def _error(name: str, title: str, says: str, gate: Gate | None = None, unit: str = "", image: bool = False) -> Column:
+def _error(name: str, title: str, says: str, gate: Gate | None = None, unit: str = "", *, image: bool = False) -> Column:
     return Column(name, "number", says, unit, title, "less", "mean", gate, image)
 
 

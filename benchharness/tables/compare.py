@@ -40,7 +40,7 @@ def compare(base: Path, new: Path, *, fail_on_time: bool = False) -> Verdict:
         findings.append(Finding("not comparable", "rows", "the two have no row in common"))
     timed = [key for key in common if _timed([table.get(key) for table in (*was.tables, *now.tables)])]
     found = times.judge(was.tables, now.tables, timed, sides.rounds([*was.runs, *now.runs]))
-    findings += _paces(found, old, fail_on_time)
+    findings += _paces(found, old, fail=fail_on_time)
     groups = tuple(dict.fromkeys(group(young[key]) for key in common))
     return Verdict(base, new, runs, groups, len(common), tuple(findings), found, command)
 
@@ -159,7 +159,7 @@ def _timed(records: Sequence[dict | None]) -> bool:
     return not any(_settings_differ(first, record) for record in others if record is not None)
 
 
-def _paces(found: times.Times, old: Table, fail: bool) -> Iterator[Finding]:
+def _paces(found: times.Times, old: Table, *, fail: bool) -> Iterator[Finding]:
     """A finding for every time that is not the same; `fail`: what is proven slower fails, and so does what proves nothing."""
     configs = {results.key(record | {"frame": None}): record["config"] or "" for record in old.values()}
     kinds = {"slow": "regression" if fail else "warning", "fast": "improvement", "ambiguous": "note", "unproven": "warning"}

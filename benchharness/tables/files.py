@@ -111,7 +111,7 @@ def read(
         for name, cell in zip(header, cells, strict=True):
             if cell and name in empty:
                 kind = kinds.get(name, "text")
-                row[name] = cell if kind == "text" else _number(cell, kind, name in lenient, least)
+                row[name] = cell if kind == "text" else _number(cell, kind, least, lenient=name in lenient)
                 if row[name] is None:
                     accepted = f"{_said(kind)} of at least {least:g}, or empty"
                     raise ValueError(f"{path}: line {line}, column {name!r} is {shorten(cell)}; accepted: {accepted}")
@@ -119,17 +119,17 @@ def read(
     return rows
 
 
-def _number(cell: str, kind: Kind, lenient: bool, least: float) -> int | float | None:
+def _number(cell: str, kind: Kind, least: float, *, lenient: bool) -> int | float | None:
     """The number that a cell says; None for what says none."""
     try:
         value = float(cell)
         value = int(cell) if kind == "integer" and math.isfinite(value) else value
     except ValueError:
         return None
-    return value if "_" not in cell and within(value, lenient, least) else None
+    return value if "_" not in cell and within(value, least, lenient=lenient) else None
 
 
-def within(value: int | float, lenient: bool = False, least: float = 0.0) -> bool:
+def within(value: int | float, least: float = 0.0, *, lenient: bool = False) -> bool:
     """Whether a number may be in a table: not less than `least` and not too large; `lenient`: or one that is not finite."""
     if isinstance(value, int):
         return least <= value <= LARGEST

@@ -25,7 +25,7 @@ NOISIEST = 0.1
 """FLIP; a reference with more noise than this cannot judge a picture that changed, where it hides the change."""
 
 
-def allowed(gate: Gate, base: float, same_machine: bool = False) -> float:
+def allowed(gate: Gate, base: float, *, same_machine: bool = False) -> float:
     """How much worse than `base` is not worth a word."""
     return (SAME_MACHINE if same_machine else 1.0) * (gate.absolute + gate.relative * abs(base))
 
@@ -66,7 +66,8 @@ def _gated(column: Column, old_row: Mapping, new_row: Mapping, old, new) -> Iter
     elif old is not None and new is None:
         yield Finding.about(new_row, "incomplete", column.name, f"was {_number(old)}, is not measured any more")
     elif old is not None and new is not None:
-        same = allowed(column.gate, old, old_row["environment"] == new_row["environment"] is not None)
+        here = old_row["environment"] == new_row["environment"] is not None
+        same = allowed(column.gate, old, same_machine=here)
         worse = column.sign * (new - old)
         if abs(worse) > same:
             text = f"{_number(old)} -> {_number(new)}{_share(old, new)}, within {_number(same)} is the same"

@@ -52,7 +52,7 @@ def read_results(path: Path, lenient: Collection[str] = ()) -> list[dict]:
     file = path / "results.csv" if path.is_dir() else path
     records = [_record(row) for row in files.read(file, KINDS, COLUMNS, REQUIRED, lenient)]
     for line, record in enumerate(records, start=2):
-        _check(record, f"{file}: line {line}", "counters" in lenient)
+        _check(record, f"{file}: line {line}", lenient="counters" in lenient)
     return records
 
 
@@ -60,7 +60,7 @@ def _record(row: Mapping[str, Any]) -> dict[str, Any]:
     return {name: None if value == "" and name not in ("params", "detail") else value for name, value in row.items()}
 
 
-def _check(record: Mapping, where: str, lenient: bool) -> None:
+def _check(record: Mapping, where: str, *, lenient: bool) -> None:
     """Raises ValueError for a record that does not say what it is about, or whose counters are no numbers."""
     if record["status"] not in STATUSES:
         raise ValueError(f"{where}, column 'status' is {shorten(record['status'] or '')}; accepted: {', '.join(STATUSES)}")
@@ -73,7 +73,7 @@ def _check(record: Mapping, where: str, lenient: bool) -> None:
         said = shorten(record["counters"])
         raise ValueError(f"{where}, column 'counters' is {said}; accepted: name=value; name=value") from None
     for name, value in counters.items():
-        if isinstance(value, bool) or not isinstance(value, int | float) or not files.within(value, lenient):
+        if isinstance(value, bool) or not isinstance(value, int | float) or not files.within(value, lenient=lenient):
             said = shorten(str(value))
             raise ValueError(f"{where}, column 'counters': {name} is {said}; accepted: a number of at least 0")
 

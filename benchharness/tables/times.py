@@ -91,7 +91,7 @@ def judge(base: Sequence[Table], new: Sequence[Table], keys: Iterable[tuple], ro
     series = dict(_series(base, new, keys, rounds, calibrated=apart))
     steady = _without_drift(series, _unchanged(base, new, keys), len(base))
     runs = len(base), len(new)
-    unproven = _unproven(runs, apart)
+    unproven = _unproven(runs, apart=apart)
     groups: dict[Group, list[np.ndarray]] = {}
     for (scene, detail, _, method, params, clock), values in steady.items():
         groups.setdefault((scene, detail, method, params, clock), []).append(values)
@@ -99,7 +99,7 @@ def judge(base: Sequence[Table], new: Sequence[Table], keys: Iterable[tuple], ro
     return Times(tuple(_paces(sides, proves=unproven is None)), runs, unproven, _drift(series, steady, len(base)))
 
 
-def _unproven(runs: tuple[int, int], apart: bool) -> str | None:
+def _unproven(runs: tuple[int, int], *, apart: bool) -> str | None:
     if apart:
         return "the sides were measured on different machines or with different software"
     if min(runs) < LEAST_RUNS:

@@ -35,7 +35,7 @@ class Finding:
     size: float = 0.0
 
     @classmethod
-    def about(cls, record: Mapping, kind: str, what: str, text: str, size: float = 0.0, frame: bool = True) -> Finding:
+    def about(cls, record: Mapping, kind: str, what: str, text: str, size: float = 0.0, *, frame: bool = True) -> Finding:
         """A finding about the row that a record is of; `frame`: not about all its frames."""
         return cls(kind, what, text, *group(record), frame=record["frame"] if frame else None, size=size)
 
