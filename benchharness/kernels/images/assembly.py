@@ -90,7 +90,7 @@ def _reliefs(
     options: CaptureOptions,
     before: relief.Reliefs | None,
 ) -> relief.Reliefs | None:
-    """The depth maps where `poses` puts them; None for a plan without any."""
+    """The depth maps where their cameras are; None for a plan without any."""
     deep = plan.deep_slots
     if not deep:
         return None
