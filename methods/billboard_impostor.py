@@ -10,8 +10,8 @@ the mirror is cut off or stands off where the quad does. Independent of the mirr
 
 Doubted, all within reach of what is at hand; two pixels are the bound for what is off:
 * hits on a picture of something deep, seen from so far aside of the picture's camera that its depth is off, or from behind;
-  and rays that pass so near to it that its depth may meet them (`kernels.billboard`)
-* the environment map where the ray passes its centre too far away for the distance of what it shows (`kernels.backdrop`)
+  and rays that pass so near to it that its depth may meet them (`kernels.images.billboard`)
+* the environment map where the ray passes its centre too far away for the distance of what it shows (`kernels.images.backdrop`)
 * what lies beyond the mirror itself, where a hollow of it is likely met again (`kernels.selfmet`)
 * second reflections that go on towards a further mirror, by its sphere; with `other_mirrors` "black", every one
 """
@@ -25,6 +25,7 @@ from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection
 from benchharness.kernels.images import bounces, imagewise, roles
+from benchharness.kernels.images.capture import CaptureOptions
 from benchharness.scene import Scene
 
 
@@ -63,16 +64,20 @@ class BillboardImpostor(Method):
                 raise ValueError(f"billboard_impostor: {name} is {value}; accepted: a power of two, such as 256")
 
     def prepare(self, scene: Scene) -> imagewise.State:
-        planned = roles.plan(scene, 0, 0, self.other_mirrors != "omitted", roles.ground_of(scene) if self.walls > 0 else None)
-        return imagewise.begun(scene, planned)
+        ground = roles.ground_of(scene) if self.walls > 0 else None
+        return imagewise.begun(scene, roles.plan(scene, mirrors=self.other_mirrors != "omitted", ground=ground))
 
     def update(self, state: imagewise.State, frame: Frame) -> imagewise.State:
-        options = imagewise.Options(self.resolution, self.planes, self.mip, self.environment, 0.0, self.walls)
+        options = CaptureOptions(
+            size=self.resolution,
+            planes=self.planes,
+            mip=self.mip,
+            resolution=self.environment,
+            turn=0.0,
+            walls=self.walls,
+        )
         return imagewise.updated(state, frame.poses, options)
 
     def shade(self, state: imagewise.State, frame: Frame) -> tuple[Reflection, imagewise.State]:
-        manner = bounces.Manner(self.other_mirrors == "reflective", frame.doubts)
-        shown = imagewise.shown(state, frame, manner, self.attenuation)
-        return Reflection(
-            shown.L, shown.distance, shown.found, counters=shown.counters, doubt=shown.doubt if frame.doubts else None
-        ), shown.state
+        options = bounces.TraceOptions(second_bounce=self.other_mirrors == "reflective", doubts=frame.doubts)
+        return imagewise.shown(state, frame, options, self.attenuation)

@@ -9,7 +9,7 @@ maps with normals, from which the ray goes on once; with `own_maps` a mirror is 
 Assumes that what matters of an object can be seen by its cameras: what none of them sees is not there. A depth map is rigid:
 it moves with its object, and is taken again only once the mirror has moved around the object by more than `turn`.
 
-Doubted (`kernels.depthray`, `kernels.relief`):
+Doubted (`kernels.images.depthray`, `kernels.images.relief`):
 * rays that run behind the surface of all maps of a part, before their hit: what is there no camera saw
 * rays over rows that had no room for all their spans
 * hits on a step from one sample to the next, a skin that may join what stands apart
@@ -26,7 +26,9 @@ import numpy as np
 from pydantic import Field
 
 from benchharness.api import Frame, Method, Reflection
-from benchharness.kernels.images import bounces, imagewise, roles
+from benchharness.kernels.images import bounces, imagewise, relief, roles
+from benchharness.kernels.images.capture import CaptureOptions
+from benchharness.kernels.images.depthray import Anchor
 from benchharness.scene import Scene
 
 
@@ -59,7 +61,7 @@ class DepthImpostor(Method):
     maps: Annotated[int, Field(ge=1, le=6)] = 1
     own_maps: Annotated[int, Field(ge=0, le=6)] = 0
     intersector: Literal["srdm", "march"] = "srdm"
-    anchor: Literal["mid", "start"] = "mid"
+    anchor: Anchor = "mid"
     split_jump: Annotated[float, Field(ge=0, le=1)] = 0.0
     turn: Annotated[float, Field(ge=0, le=180)] = 0.0
     mip: bool = True
@@ -84,19 +86,28 @@ class DepthImpostor(Method):
 
     def prepare(self, scene: Scene) -> imagewise.State:
         ground = roles.ground_of(scene) if self.walls > 0 else None
-        planned = roles.plan(scene, self.maps, self.own_maps, self.other_mirrors != "omitted", ground)
+        shown = self.other_mirrors != "omitted"
+        planned = roles.plan(scene, maps=self.maps, own_maps=self.own_maps, mirrors=shown, ground=ground)
         return imagewise.begun(scene, planned)
 
     def update(self, state: imagewise.State, frame: Frame) -> imagewise.State:
-        options = imagewise.Options(
-            self.resolution, self.planes, self.mip, self.environment, float(np.radians(self.turn)), self.walls,
-            self.rotations, self.points if self.intersector == "srdm" else 0, self.split_jump,
-        )  # fmt: skip
+        options = CaptureOptions(
+            size=self.resolution,
+            planes=self.planes,
+            mip=self.mip,
+            resolution=self.environment,
+            turn=float(np.radians(self.turn)),
+            walls=self.walls,
+            rotations=self.rotations,
+            points=self.points if self.intersector == "srdm" else 0,
+            split_jump=self.split_jump,
+        )
         return imagewise.updated(state, frame.poses, options)
 
     def shade(self, state: imagewise.State, frame: Frame) -> tuple[Reflection, imagewise.State]:
-        manner = bounces.Manner(self.other_mirrors == "reflective", frame.doubts, self.split_jump, self.anchor)
-        shown = imagewise.shown(state, frame, manner, self.attenuation)
-        return Reflection(
-            shown.L, shown.distance, shown.found, counters=shown.counters, doubt=shown.doubt if frame.doubts else None
-        ), shown.state
+        options = bounces.TraceOptions(
+            second_bounce=self.other_mirrors == "reflective",
+            doubts=frame.doubts,
+            walk=relief.Walk(self.split_jump, self.anchor),
+        )
+        return imagewise.shown(state, frame, options, self.attenuation)

@@ -28,8 +28,9 @@ import mitsuba as mi
 import numpy as np
 from pydantic import Field
 
-from benchharness.api import Frame, Method, Reflection
-from benchharness.kernels import cubemap, geometry, optics, passage, selfmet, surroundings
+from benchharness.api import Frame, Method, Reflection, View
+from benchharness.kernels import cubemap, differentials, geometry, optics, passage, selfmet, surroundings
+from benchharness.kernels.differentials import FirstHits
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.pixels import WRONG_PX
 from benchharness.scene import Scene
@@ -41,18 +42,31 @@ NEAR = 1e-3  # metres; what is nearer to the reflector's centre than this is ins
 
 
 @dataclass
+class Probe:
+    """A reflector's environment map, where it was taken, and the reflector's box, as `selfmet.away` has it."""
+
+    map: cubemap.Pyramid
+    place: mi.Point3f
+    box: list[mi.Vector4f]
+
+
+@dataclass
 class State:
-    """Per reflector: `centres`, middle of its bounding box in object space, and `halves` of the box's size; the same in
-    the world, as `places` and as `boxes`, see `selfmet.away`; `maps`; `enclosed`: what `Scene.enclosed` says."""
+    """What is kept of a scene.
+
+    centres   middles of the reflectors' bounding boxes, in object space
+    halves    half of the boxes' sizes
+    near      NEAR on the device
+    probes    per reflector, in world space
+    enclosed  what `Scene.enclosed` says
+    """
 
     geometry: geometry.Geometry
     centres: list[mi.Point3f]
     halves: list[mi.Vector3f]
     surroundings: surroundings.Surroundings
     near: mi.Float
-    maps: list[cubemap.Pyramid]
-    places: list[mi.Point3f]
-    boxes: list[list[mi.Vector4f]]
+    probes: list[Probe]
     enclosed: tuple[bool, ...]
 
 
@@ -91,29 +105,24 @@ class EnvironmentMap(Method):
             halves.append(mi.Vector3f(np.maximum(0.5 * np.ptp(v, axis=0), NEAR).tolist()))
         near = mi.Float(NEAR)
         dr.make_opaque(near, centres, halves)
-        return State(geometry.of_scene(scene), centres, halves, surroundings.of_scene(scene), near, [], [], [], scene.enclosed)
+        return State(geometry.of_scene(scene), centres, halves, surroundings.of_scene(scene), near, [], scene.enclosed)
 
     def update(self, state: State, frame: Frame) -> State:
         first = len(frame.poses) // 12 - len(state.centres)
         world = geometry.placed(state.geometry, frame.poses)
-        maps, places, boxes = [], [], []
+        probes = []
         for i, (centre, half) in enumerate(zip(state.centres, state.halves, strict=True)):
             part = dr.opaque(mi.UInt32, first + i)
             place, box = _placed(frame.poses, part, centre, half)
-            finest = _capture(world, part, place, state.near, state.surroundings, self.resolution)
-            levels = [finest]
+            levels = [_captured(world, part, place, state.near, state.surroundings, self.resolution)]
             for n in cubemap.levels_of(self.resolution)[:-1] if self.mip else ():
                 levels.append(cubemap.coarser(levels[-1], n))
-            maps.append(cubemap.pyramid(levels))
-            places.append(place)
-            boxes.append(box)
-        return replace(state, maps=maps, places=places, boxes=boxes)
+            probes.append(Probe(cubemap.pyramid(levels, self.resolution), place, box))
+        return replace(state, probes=probes)
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
-        pixels = [frame.p, frame.n, frame.reflector, frame.active]
-        L, distance, doubt = _look_up(
-            state.maps, state.places, state.boxes, frame.view, pixels, self.resolution, self.mip, frame.doubts
-        )
+        hits = FirstHits(frame.p, frame.n, frame.reflector)
+        L, distance, doubt = _looked_up(state.probes, frame.view, hits, frame.active, doubts=frame.doubts)
         found = frame.active & ~(passage.walled(state.enclosed, frame.reflector) & (distance == dr.inf))
         return Reflection(L, distance, found, doubt=doubt if frame.doubts else None), state
 
@@ -127,38 +136,50 @@ def _placed(poses: mi.Float, part: mi.UInt32, centre: mi.Point3f, half: mi.Vecto
     return place, [mi.Vector4f(axis.x, axis.y, axis.z, -dr.dot(axis, mi.Vector3f(place))) for axis in axes]
 
 
-def _capture(triangles: geometry.Geometry, part, place: mi.Point3f, near, around, resolution: int) -> mi.Float:
+def _captured(
+    triangles: geometry.Geometry,
+    part: mi.UInt32,
+    place: mi.Point3f,
+    near: mi.Float,
+    around: surroundings.Surroundings,
+    resolution: int,
+) -> mi.Float:
     """The finest level of one reflector's map: everything but part number `part`, around its centre."""
     owner = geometry.part_of(dr.gather(mi.Vector4u, triangles.faces, dr.arange(mi.UInt32, triangles.face_count)))
     return cubemap.capture(triangles, owner != part, place, resolution, near, around)
 
 
 @frozen
-def _look_up(maps: list, places: list, boxes: list, view, pixels: list, resolution: int, mip: bool, doubts: bool):
-    """Radiance, distance, and doubt if asked for, from the map of each pixel's reflector. `pixels`: p, n, reflector, active."""
-    p, n, reflector, active = pixels
-    eye = view.eye
-    r = optics.reflect(dr.normalize(eye - p), n)
-    steps, bends, turn = _neighbours(eye, p, n, reflector, r, view)
-    level = dr.maximum(dr.log2(dr.maximum(turn * (0.5 * resolution), 1)), 0) if mip else mi.Float(0)
+def _looked_up(
+    probes: list[Probe], view: View, hits: FirstHits, active: mi.Bool, *, doubts: bool
+) -> tuple[mi.Color3f, mi.Float, mi.Bool]:
+    """Radiance, distance, and doubt if asked for, from the map of each pixel's reflector."""
+    p, n = hits.p, hits.n
+    r = optics.reflect(dr.normalize(view.eye - p), n)
+    pixel = dr.arange(mi.UInt32, view.width * view.height)
+    differential, bends = differentials.of_reflected(hits, view, pixel, hits, r)
+    turn = dr.maximum(*(dr.norm(dd) for dd in differential.dd))
     value, doubt = mi.Vector4f(0), mi.Bool(False)
-    count = len(cubemap.levels_of(resolution)) if mip else 1
-    for i, (pyramid, place, box) in enumerate(zip(maps, places, boxes, strict=True)):
-        own = active & (reflector == i)
-        value = dr.select(own, cubemap.lookup_mip(pyramid, resolution, count, r, level, own), value)
+    for i, probe in enumerate(probes):
+        own = active & (hits.reflector == i)
+        level = mi.Float(0)
+        if probe.map.count > 1:
+            level = dr.maximum(dr.log2(dr.maximum(turn * (0.5 * probe.map.n), 1)), 0)
+        value = dr.select(own, cubemap.lookup_mip(probe.map, r, level, own), value)
         if not doubts:
             continue
-        x = mi.Vector3f(p - place)
-        doubt |= _misplaced(pyramid, resolution, count, x, r, value.w, WRONG_PX * turn, own)
-        doubt |= own & (value.w * selfmet.away(p, n, r, steps, bends, box, own) < 1)
-    if doubts and len(maps) > 1:
+        doubt |= _misplaced(probe.map, mi.Vector3f(p - probe.place), r, value.w, WRONG_PX * turn, own)
+        doubt |= own & (value.w * selfmet.away(p, n, r, differential.dp, bends, probe.box, own) < 1)
+    if doubts and len(probes) > 1:
         doubt |= active & (value.w > 0) & (dr.max(value.xyz) <= 0)
     distance = dr.select(active & (value.w <= 0), dr.inf, dr.rcp(dr.select(active, value.w, 1)))
     return mi.Color3f(value.x, value.y, value.z), dr.select(active, distance, 0), doubt
 
 
 @dr.syntax
-def _misplaced(pyramid, resolution: int, count: int, x, r, inverse, angle, active) -> mi.Bool:
+def _misplaced(
+    map: cubemap.Pyramid, x: mi.Vector3f, r: mi.Vector3f, inverse: mi.Float, angle: mi.Float, active: mi.Bool
+) -> mi.Bool:
     """Whether what is shown along r, at 1 / distance `inverse`, belongs more than `angle` away, or something else does there.
 
     x  start of the ray, from the map's centre
@@ -166,29 +187,10 @@ def _misplaced(pyramid, resolution: int, count: int, x, r, inverse, angle, activ
     across, start = dr.norm(x - dr.dot(x, r) * r), dr.norm(x)
     off = active & (across * inverse > angle)
     if active & ~off:  # in a narrow room, few
-        for t in WAY if count > 1 else ():
+        for t in WAY if map.count > 1 else ():
             q = x + t * start * r
             away = dr.norm(q)
-            level = dr.log2(dr.maximum(across / away * (0.5 * SPAN * resolution), 1))
-            nearness = cubemap.texel(pyramid, resolution, count, q, level, True).w
+            level = dr.log2(dr.maximum(across / away * (0.5 * SPAN * map.n), 1))
+            nearness = cubemap.texel(map, q, level).w
             off |= (across > angle * away) & (nearness * away > COVER)
     return off
-
-
-def _neighbours(eye, p, n, reflector, r, view) -> tuple[list, list, mi.Float]:
-    """From this pixel to its right and its lower neighbour: the steps of p, the changes of n, both 0 where something else is
-    there; and the larger of the turns of r, radians."""
-    lane = dr.arange(mi.UInt32, view.width * view.height)
-    column = lane % view.width
-    last_column, last_row = column == view.width - 1, lane >= view.width * (view.height - 1)
-    steps, bends, turn = [], [], mi.Float(0)
-    # At the picture's end, the neighbour on the other side.
-    for there in (dr.select(last_column, lane - 1, lane + 1), dr.select(last_row, lane - view.width, lane + view.width)):
-        there = dr.minimum(there, view.width * view.height - 1)
-        q, m = dr.gather(mi.Point3f, p, there), dr.gather(mi.Normal3f, n, there)
-        same = dr.gather(mi.Int32, reflector, there) == reflector
-        turned = dr.norm(optics.reflect(dr.normalize(eye - q), m) - r)
-        turn = dr.select(same, dr.maximum(turn, turned), turn)
-        steps.append(dr.select(same, mi.Vector3f(q - p), 0))
-        bends.append(dr.select(same, mi.Vector3f(m - n), 0))
-    return steps, bends, turn

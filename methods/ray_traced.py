@@ -42,11 +42,13 @@ class Mirrors:
 
 @dataclass
 class State:
-    """What rays meet and what that sends; `mirrors` only for more than one bounce. Parts from `objects` on are mirrors;
-    `enclosed`: what `Scene.enclosed` says.
+    """What rays meet and what that sends.
 
     triangles  object space
     world      the same in world space where highlights need it, else `triangles`
+    mirrors    for more than one bounce; else None
+    objects    number of the first part that is a mirror
+    enclosed   what `Scene.enclosed` says
     """
 
     hierarchies: hierarchy.Hierarchies
@@ -75,7 +77,7 @@ class RayTraced(Method):
 
     def prepare(self, scene: Scene) -> State:
         triangles = geometry.of_scene(scene)
-        trees = hierarchy.of_scene(scene, triangles, 0.0, self.hierarchies, self.robust)
+        trees = hierarchy.of_scene(scene, triangles, 0.0, self.hierarchies, robust=self.robust)
         mirrors = Mirrors(geometry.of_scene_seen(scene).attributes, optics.metals_of(scene)) if self.bounces > 1 else None
         objects = dr.opaque(mi.UInt32, len(scene.objects))
         world = _placed(triangles, trees.poses)
@@ -91,21 +93,33 @@ class RayTraced(Method):
             empty = dr.zeros(mi.Float, dr.width(frame.active))
             nothing = Reflection(mi.Color3f(empty), empty, mi.Bool(frame.active), counters={"rays": mi.UInt32(frame.active)})
             return nothing, state
-        seen = [frame.p, frame.n, frame.v]
-        L, distance, doubt, rays = _traced(state, seen, lane, frame.active, frame.view, self.bounces)
+        seen = Seen(frame.p, frame.n, frame.v, frame.active)
+        L, distance, doubt, rays = _traced(state, seen, lane, frame.view, self.bounces)
         found = frame.active & ~(passage.walled(state.enclosed, frame.reflector) & (distance == dr.inf))
         return Reflection(L, distance, found, counters={"rays": rays}, doubt=doubt if frame.doubts else None), state
 
 
+@dataclass
+class Seen:
+    """The first hit of every pixel, as `Frame` has it."""
+
+    p: mi.Point3f
+    n: mi.Normal3f
+    v: mi.Vector3f
+    active: mi.Bool
+
+
 @frozen
-def _traced(state: State, seen: list, lane: mi.UInt32, active: mi.Bool, view: View, bounces: int):
-    """Radiance, distance, whether the last ray ends at a mirror, and the number of rays. `seen`: p, n, v of a frame."""
-    p, n, v = (dr.gather(type(a), a, lane) for a in seen)
+def _traced(
+    state: State, seen: Seen, lane: mi.UInt32, view: View, bounces: int
+) -> tuple[mi.Color3f, mi.Float, mi.Bool, mi.UInt32]:
+    """Radiance, distance, whether the last ray ends at a mirror, and the number of rays, of all pixels from those of `lane`."""
+    p, n, v = (dr.gather(type(a), a, lane) for a in (seen.p, seen.n, seen.v))
     ray = _from(p, n, optics.reflect(v, n))
     hit = hierarchy.meet(state.hierarchies, ray)
-    L = _arriving(state, hit, p, ray.d, True)
+    L = _arriving(state, hit, p, ray.d, mi.Bool(True))
     distance = dr.select(hit.found, hit.t + RAY_EPSILON, dr.inf)
-    ends, rays = _at_mirror(state, hit), mi.UInt32(active)
+    ends, rays = _at_mirror(state, hit), mi.UInt32(seen.active)
     if state.mirrors is not None:
         further, count, ends = _further(state, state.mirrors, ray, hit, ends, bounces)
         L += further
@@ -114,7 +128,9 @@ def _traced(state: State, seen: list, lane: mi.UInt32, active: mi.Bool, view: Vi
     return mi.Color3f(x, y, z), length, doubt, rays
 
 
-def _further(state: State, mirrors: Mirrors, ray: mi.Ray3f, hit: hierarchy.Meeting, active: mi.Bool, bounces: int):
+def _further(
+    state: State, mirrors: Mirrors, ray: mi.Ray3f, hit: hierarchy.Meeting, active: mi.Bool, bounces: int
+) -> tuple[mi.Color3f, mi.UInt32, mi.Bool]:
     """What a first reflected ray shows over further mirrors, how many rays that took, and where the last ends at a mirror.
 
     active  where the first ray ends at one
@@ -135,18 +151,19 @@ def _further(state: State, mirrors: Mirrors, ray: mi.Ray3f, hit: hierarchy.Meeti
     return L, count, active
 
 
-def _from(p: mi.Point3f, n, d: mi.Vector3f) -> mi.Ray3f:
+def _from(p: mi.Point3f, n: mi.Vector3f | mi.Normal3f, d: mi.Vector3f) -> mi.Ray3f:
     """The ray along d from just above a surface at p."""
     return mi.Ray3f(p + mi.Vector3f(n) * (RAY_EPSILON * (1 + dr.max(dr.abs(p)))), d)
 
 
-def _arriving(state: State, hit: hierarchy.Meeting, p: mi.Point3f, d: mi.Vector3f, active) -> mi.Color3f:
+def _arriving(state: State, hit: hierarchy.Meeting, p: mi.Point3f, d: mi.Vector3f, active: mi.Bool) -> mi.Color3f:
     """Radiance at p from direction d, where `hit` is; black where that is a mirror."""
     L = geometry.radiance(state.world, hit.face, hit.weights, p, hit.found)
     return dr.select(hit.found, L, surroundings.radiance(state.surroundings, d, active & ~hit.found))
 
 
 def _at_mirror(state: State, hit: hierarchy.Meeting) -> mi.Bool:
+    """Where a ray has met a mirror."""
     return hit.found & (geometry.part_of(hit.face) >= state.objects)
 
 

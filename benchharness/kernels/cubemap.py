@@ -16,15 +16,17 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import geometry, raster, surroundings
+from benchharness.kernels import geometry, packets, raster, surroundings
 from benchharness.kernels.types import View
 
 
 def _unit(axis: int) -> mi.Vector3f:
+    """The unit vector along an axis."""
     return mi.Vector3f(*(1.0 if k == axis else 0.0 for k in range(3)))
 
 
-def _window(face: int, n: int, centre: mi.Point3f, near: mi.Float) -> View:
+def _view(face: int, n: int, centre: mi.Point3f, near: mi.Float) -> View:
+    """The camera of a face and its border, n + 2 pixels across."""
     axis, sign = face // 2, 1 - 2 * (face % 2)
     forward, u, v = sign * _unit(axis), _unit((axis + 1) % 3), _unit((axis + 2) % 3)
     focal, middle = 0.5 * n, 0.5 * n + 1
@@ -49,24 +51,30 @@ def _window(face: int, n: int, centre: mi.Point3f, near: mi.Float) -> View:
 
 
 def capture(
-    triangles: geometry.Geometry, drawn, centre: mi.Point3f, n: int, near, around: surroundings.Surroundings
+    triangles: geometry.Geometry,
+    drawn: mi.Bool,
+    centre: mi.Point3f,
+    n: int,
+    near: mi.Float,
+    around: surroundings.Surroundings,
 ) -> mi.Float:
     """The scene around `centre`, and as seen from there: 4 floats per texel, [6, n + 2, n + 2].
 
     triangles  in world space
     drawn      Bool [face_count]
+    near       metres; what is nearer to the centre along the axis of a face is not drawn
     around     what is seen where nothing else is
     """
     count = (n + 2) * (n + 2)
     texels = dr.empty(mi.Float, 4 * 6 * count)
     lane = dr.arange(mi.UInt32, count)
     for face in range(6):
-        window = _window(face, n, centre, near)
-        visibility = raster.rasterize(triangles.points, triangles.faces, triangles.face_count, window, drawn=drawn)
-        hit, packet, weights, p = raster.seen(triangles.points, triangles.faces, visibility, window, lane)
+        view = _view(face, n, centre, near)
+        visibility = raster.rasterize(triangles.points, triangles.faces, triangles.face_count, view, drawn=drawn)
+        hit, packet, weights, p = raster.seen(triangles.points, triangles.faces, visibility, view, lane)
         L = geometry.radiance(triangles, packet, weights, centre, hit)
         inverse = dr.rcp(dr.norm(p - centre))
-        far = surroundings.radiance(around, raster.ray_through(window, lane), ~hit)
+        far = surroundings.radiance(around, raster.ray_through(view, lane), ~hit)
         value = dr.select(hit, mi.Vector4f(L.x, L.y, L.z, inverse), mi.Vector4f(far.x, far.y, far.z, 0))
         dr.scatter(texels, value, lane + face * count)
     return texels
@@ -92,8 +100,8 @@ def face_of(d: mi.Vector3f) -> tuple[mi.UInt32, mi.Float, mi.Float]:
     return 2 * axis + dr.select(forward < 0, mi.UInt32(1), mi.UInt32(0)), u * scale, v * scale
 
 
-def lookup(texels: mi.Float, n: int, d: mi.Vector3f, active=True, first=0) -> mi.Vector4f:
-    """Bilinear value in direction d, of a map with n x n texels per face and a border that starts at texel `first`."""
+def lookup(texels: mi.Float, n: int, d: mi.Vector3f, active: mi.Bool | bool = True, first: mi.UInt32 | int = 0) -> mi.Vector4f:
+    """The bilinear value in direction d, of a map with n x n texels per face and a border that starts at texel `first`."""
     return _bilinear(texels, *face_of(d), mi.UInt32(n), mi.UInt32(first), active)
 
 
@@ -112,9 +120,7 @@ def coarser(texels: mi.Float, n: int) -> mi.Float:
             u = (mi.Float(column) - 0.5 + dx) * (2.0 / half) - 1
             v = (mi.Float(row) - 0.5 + dy) * (2.0 / half) - 1
             total += lookup(texels, n, direction(face, u, v))
-    out = dr.empty(mi.Float, 4 * 6 * count)
-    dr.scatter(out, total * 0.25, lane)
-    return out
+    return packets.stored(total * 0.25, 6 * count)
 
 
 def levels_of(n: int) -> list[int]:
@@ -127,26 +133,33 @@ def levels_of(n: int) -> list[int]:
 
 @dataclass
 class Pyramid:
-    """Mip levels of one map, one after the other. `starts`: first texel of each level."""
+    """Mip levels of one map, one after the other.
+
+    starts  first texel of each level
+    n       texels per edge of a face of the finest
+    count   how many levels there are
+    """
 
     texels: mi.Float
     starts: mi.UInt32
+    n: int
+    count: int
 
 
-def pyramid(levels: list[mi.Float]) -> Pyramid:
-    """Levels, finest first, as one."""
+def pyramid(levels: list[mi.Float], n: int) -> Pyramid:
+    """Levels as one, the finest first, which has n texels per edge of a face."""
     starts, texels = [0], 0
     for level in levels[:-1]:
         texels += dr.width(level) // 4
         starts.append(texels)
-    return Pyramid(dr.concat(levels), mi.UInt32(starts))
+    return Pyramid(dr.concat(levels), mi.UInt32(starts), n, len(levels))
 
 
-def lookup_mip(maps: Pyramid, n: int, count: int, d: mi.Vector3f, level: mi.Float, active=True) -> mi.Vector4f:
-    """Trilinear value: bilinear on the two of `count` levels around `level` (0 is the finest, n texels per face)."""
-    level = dr.clip(level, 0, count - 1)
+def lookup_mip(maps: Pyramid, d: mi.Vector3f, level: mi.Float, active: mi.Bool | bool = True) -> mi.Vector4f:
+    """The trilinear value: bilinear on the two levels around `level`, of which 0 is the finest."""
+    n, level = maps.n, dr.clip(level, 0, maps.count - 1)
     lower = mi.UInt32(level)
-    upper = dr.minimum(lower + 1, count - 1)
+    upper = dr.minimum(lower + 1, maps.count - 1)
     face, u, v = face_of(d)
     first = [dr.gather(mi.UInt32, maps.starts, k, active) for k in (lower, upper)]
     one = _bilinear(maps.texels, face, u, v, mi.UInt32(n) >> lower, first[0], active)
@@ -154,20 +167,28 @@ def lookup_mip(maps: Pyramid, n: int, count: int, d: mi.Vector3f, level: mi.Floa
     return dr.lerp(one, two, level - mi.Float(lower))
 
 
-def texel(maps: Pyramid, n: int, count: int, d: mi.Vector3f, level: mi.Float, active=True) -> mi.Vector4f:
-    """The texel in direction d on the nearest of `count` levels, as wide as what it stands for: one read."""
-    nearest = mi.UInt32(dr.clip(level + 0.5, 0, count - 1))
-    size = mi.UInt32(n) >> nearest
+def texel(maps: Pyramid, d: mi.Vector3f, level: mi.Float, active: mi.Bool | bool = True) -> mi.Vector4f:
+    """The texel in direction d on the nearest level, as wide as what it stands for: one read."""
+    nearest = mi.UInt32(dr.clip(level + 0.5, 0, maps.count - 1))
+    size = mi.UInt32(maps.n) >> nearest
     face, u, v = face_of(d)
     column, row = (dr.clip(mi.UInt32((c + 1) * (0.5 * mi.Float(size))), 0, size - 1) for c in (u, v))
     first = dr.gather(mi.UInt32, maps.starts, nearest, active)
     return dr.gather(mi.Vector4f, maps.texels, first + (face * (size + 2) + row + 1) * (size + 2) + column + 1, active)
 
 
-def _bilinear(texels: mi.Float, face, u, v, n: mi.UInt32, first: mi.UInt32, active) -> mi.Vector4f:
+def _bilinear(
+    texels: mi.Float,
+    face: mi.UInt32,
+    u: mi.Float,
+    v: mi.Float,
+    n: mi.UInt32,
+    first: mi.UInt32,
+    active: mi.Bool | bool,
+) -> mi.Vector4f:
+    """The value at u, v of a face of the level that begins at texel `first`, n texels per edge."""
     x, y = (u + 1) * (0.5 * mi.Float(n)) + 0.5, (v + 1) * (0.5 * mi.Float(n)) + 0.5
     column, row = dr.clip(mi.Int32(x), 0, mi.Int32(n)), dr.clip(mi.Int32(y), 0, mi.Int32(n))
     fx, fy = x - mi.Float(column), y - mi.Float(row)
     base = first + (face * (n + 2) + mi.UInt32(row)) * (n + 2) + mi.UInt32(column)
-    a, b, c, e = (dr.gather(mi.Vector4f, texels, base + k, active) for k in (0, 1, n + 2, n + 3))
-    return dr.lerp(dr.lerp(a, b, fx), dr.lerp(c, e, fx), fy)
+    return packets.bilinear(texels, (base, base + 1, base + n + 2, base + n + 3), fx, fy, active)

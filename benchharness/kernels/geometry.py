@@ -19,11 +19,14 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from benchharness.kernels import lighting, raster
+from benchharness.kernels import lighting, packets, raster
+from benchharness.kernels.types import SceneLike
 
 
 @dataclass
 class Geometry:
+    """Triangles of parts, in the layout above."""
+
     points: mi.Float
     attributes: mi.Float
     faces: mi.UInt32
@@ -32,14 +35,14 @@ class Geometry:
     shine: lighting.Shine | None = None
 
 
-def of_scene(scene) -> Geometry:
-    """All parts of a `benchharness.scene.Scene` that was baked: objects with their light, mirrors black."""
+def of_scene(scene: SceneLike) -> Geometry:
+    """All parts of a scene that was baked: objects with their light, mirrors black."""
     lit = [(o.mesh.vertices, o.mesh.radiance, o.mesh.faces) for o in scene.objects]
     black = [(r.mesh.vertices, np.zeros_like(r.mesh.vertices), r.mesh.faces) for r in scene.reflectors]
     return upload(lit + black, lighting.shine_of(scene))
 
 
-def of_scene_seen(scene) -> Geometry:
+def of_scene_seen(scene: SceneLike) -> Geometry:
     """All parts of a scene that was baked, as the eye sees them: objects with their light, mirrors with their normals."""
     lit = [(o.mesh.vertices, np.asarray(o.mesh.radiance), o.mesh.faces) for o in scene.objects]
     mirrors = [(r.mesh.vertices, np.asarray(r.mesh.normals), r.mesh.faces) for r in scene.reflectors]
@@ -50,9 +53,9 @@ def upload(meshes: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], shine: l
     """One Geometry out of parts (vertices [V, 3], attributes [V, 3], faces [F, 3]), numbered in their order."""
     points, attributes, faces, start = [], [], [], 0
     for part, (v, a, f) in enumerate(meshes):
-        points.append(np.column_stack([v, np.full(len(v), part)]).astype(np.float32))
-        attributes.append(np.column_stack([a, np.zeros(len(v))]).astype(np.float32))
-        tag = np.where(closed_faces(v, f), part | raster.CLOSED, part)
+        points.append(packets.of_rows(v, part))
+        attributes.append(packets.of_rows(a))
+        tag = np.where(oriented_closed_faces(v, f), part | raster.CLOSED, part)
         faces.append(np.column_stack([np.asarray(f, np.int64) + start, tag]).astype(np.uint32))
         start += len(v)
     packed_faces = np.concatenate(faces)
@@ -71,11 +74,12 @@ def part_of(face: mi.Vector4u) -> mi.UInt32:
     return face.w & (raster.CLOSED - 1)
 
 
-def closed_faces(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def oriented_closed_faces(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Per face whether it belongs to a closed, consistently wound piece, bool [F]: no back of such a face is ever seen.
 
     Every edge of the piece is run through as often in one direction as in the other; vertices at the same place count as
-    one, so that boxes that touch are as closed as they were apart.
+    one, so that boxes that touch are as closed as they were apart. An edge may have more than two faces; light is baked by
+    `modelling.winding.closed_faces`, where it may not, and the winding does not matter.
     """
     size = max(float(np.ptp(vertices, axis=0).max()), 1e-30)
     _, weld = np.unique(np.round(vertices / (1e-6 * size)).astype(np.int64), axis=0, return_inverse=True)
@@ -93,7 +97,7 @@ def closed_faces(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return ~torn[piece[f[:, 0]]]
 
 
-def radiance(triangles: Geometry, face: mi.Vector4u, weights: mi.Vector3f, viewer: mi.Point3f, active) -> mi.Color3f:
+def radiance(triangles: Geometry, face: mi.Vector4u, weights: mi.Vector3f, viewer: mi.Point3f, active: mi.Bool) -> mi.Color3f:
     """What leaves triangles at the points `weights` towards `viewer`: baked light, and the highlights seen from there.
 
     viewer   the eye for what is seen directly, the reflection point for what a mirror shows; world space
@@ -103,7 +107,8 @@ def radiance(triangles: Geometry, face: mi.Vector4u, weights: mi.Vector3f, viewe
     L = mi.Color3f(value.x, value.y, value.z)
     if triangles.shine is None:
         return L
-    return L + lighting.seen_from(viewer, triangles.shine, triangles.points, part_of(face), face, weights, active)
+    spot = lighting.Spot(triangles.points, face, part_of(face), weights)
+    return L + lighting.seen_from(viewer, triangles.shine, spot, active)
 
 
 def placed(triangles: Geometry, poses: mi.Float) -> Geometry:
@@ -121,38 +126,32 @@ def placed_seen(triangles: Geometry, poses: mi.Float, objects: int) -> Geometry:
     part = dr.gather(mi.Float, triangles.points, lane * 4 + 3)
     normals = dr.gather(mi.Vector4f, turned(triangles.points, triangles.attributes, triangles.vertex_count, poses), lane)
     kept = dr.gather(mi.Vector4f, triangles.attributes, lane)
-    world.attributes = _packed(dr.select(part >= objects, normals, kept), lane, triangles.vertex_count)
+    world.attributes = packets.stored(dr.select(part >= objects, normals, kept), triangles.vertex_count)
     return world
 
 
 def posed(points: mi.Float, vertex_count: int, poses: mi.Float) -> mi.Float:
     """Points in world space. `poses`: 12 floats per part, the rows of its 3 x 4 object-to-world matrix."""
-    p, rows, lane = _pose_of(points, vertex_count, poses)
+    p, rows = _pose_of(points, vertex_count, poses)
     q = mi.Vector4f(p.x, p.y, p.z, 1.0)
-    return _packed(mi.Vector4f(dr.dot(rows[0], q), dr.dot(rows[1], q), dr.dot(rows[2], q), p.w), lane, vertex_count)
+    return packets.stored(mi.Vector4f(*(dr.dot(row, q) for row in rows), p.w), vertex_count)
 
 
 def turned(points: mi.Float, normals: mi.Float, vertex_count: int, poses: mi.Float) -> mi.Float:
     """Normals in world space, for rigid poses. `points` tells the part of each vertex."""
-    _, rows, lane = _pose_of(points, vertex_count, poses)
-    n = dr.gather(mi.Vector4f, normals, lane)
+    _, rows = _pose_of(points, vertex_count, poses)
+    n = dr.gather(mi.Vector4f, normals, dr.arange(mi.UInt32, vertex_count))
     q = mi.Vector4f(n.x, n.y, n.z, 0.0)
-    return _packed(mi.Vector4f(dr.dot(rows[0], q), dr.dot(rows[1], q), dr.dot(rows[2], q), 0.0), lane, vertex_count)
+    return packets.stored(mi.Vector4f(*(dr.dot(row, q) for row in rows), 0.0), vertex_count)
 
 
-def turned_of(n: mi.Vector3f, poses: mi.Float, part: mi.UInt32, active) -> mi.Vector3f:
+def turned_of(n: mi.Vector3f, poses: mi.Float, part: mi.UInt32, active: mi.Bool) -> mi.Vector3f:
     """Directions of object space in world space, each with the pose of its part."""
     return mi.Vector3f(*(dr.dot(dr.gather(mi.Vector4f, poses, part * 3 + k, active).xyz, n) for k in range(3)))
 
 
-def _pose_of(points: mi.Float, vertex_count: int, poses: mi.Float):
-    lane = dr.arange(mi.UInt32, vertex_count)
-    p = dr.gather(mi.Vector4f, points, lane)
+def _pose_of(points: mi.Float, vertex_count: int, poses: mi.Float) -> tuple[mi.Vector4f, list[mi.Vector4f]]:
+    """The packet of each vertex, and the rows of its part's pose."""
+    p = dr.gather(mi.Vector4f, points, dr.arange(mi.UInt32, vertex_count))
     part = mi.UInt32(p.w)
-    return p, [dr.gather(mi.Vector4f, poses, part * 3 + k) for k in range(3)], lane
-
-
-def _packed(value: mi.Vector4f, lane: mi.UInt32, count: int) -> mi.Float:
-    out = dr.empty(mi.Float, 4 * count)
-    dr.scatter(out, value, lane)
-    return out
+    return p, [dr.gather(mi.Vector4f, poses, part * 3 + k) for k in range(3)]

@@ -10,9 +10,6 @@ Robust: no ray slips through the edge between two triangles, as it does by defau
 builds without spatial splits, in a quarter of the time, and traverses more slowly, by a quarter to a half.
 """
 
-# pyright: reportArgumentType=false, reportOperatorIssue=false
-# The stubs of Mitsuba and Dr.Jit know no points and vectors in one expression.
-
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -24,6 +21,7 @@ import mitsuba as mi
 import numpy as np
 
 from benchharness.kernels import geometry, mitsuba_mesh
+from benchharness.kernels.types import SceneLike
 
 Way = Literal["anew", "bodies"]
 ANEW, BODIES = "anew", "bodies"
@@ -32,7 +30,7 @@ SLACK = 1e-5  # relative; some 80 roundings of a float32, of which the distance 
 
 @dataclass
 class Tree:
-    """A hierarchy.
+    """A bounding volume hierarchy.
 
     scene      Mitsuba's, of one mesh
     first      number of its first triangle in `Hierarchies.faces`
@@ -73,8 +71,10 @@ class Meeting:
     weights: mi.Vector3f
 
 
-def of_scene(scene, triangles: geometry.Geometry, time: float, way: Way = BODIES, robust: bool = True) -> Hierarchies:
-    """Those of a `benchharness.scene.Scene` as it stands at `time`; `triangles`: its parts, in object space."""
+def of_scene(
+    scene: SceneLike, triangles: geometry.Geometry, time: float, way: Way = BODIES, *, robust: bool = True
+) -> Hierarchies:
+    """The hierarchies of a scene as it stands at `time`; `triangles`: its parts, in object space."""
     poses = mi.Float(np.asarray(scene.poses(time), np.float32).ravel())
     motions = [part.motion for part in scene.parts]
     anew = way == ANEW and any(motion is not None for motion in motions)
@@ -115,7 +115,10 @@ def rigid(motions: Sequence[Any]) -> list[list[int]]:
 
 
 def moved(hierarchies: Hierarchies, poses: mi.Float) -> Hierarchies:
-    """With the parts at `poses`, as in `geometry.posed`. What was built anew is so for the hierarchies given, too."""
+    """The hierarchies with the parts at `poses`, as in `geometry.posed`.
+
+    What was built anew is so for the hierarchies given, too.
+    """
     if hierarchies.points is not None:
         count = hierarchies.vertex_count
         params = mi.traverse(hierarchies.trees[0].scene)
@@ -124,9 +127,11 @@ def moved(hierarchies: Hierarchies, poses: mi.Float) -> Hierarchies:
     return replace(hierarchies, poses=poses)
 
 
-def meet(hierarchies: Hierarchies, ray: mi.Ray3f, active: mi.Bool | bool = True, coherent: bool = False) -> Meeting:
-    """What is met first, at any distance. `coherent`: Embree may traverse with packets of rays, for rays that go together; it
-    misses what rays that part from a curved mirror meet, and is slower for them.
+def meet(hierarchies: Hierarchies, ray: mi.Ray3f, active: mi.Bool | bool = True, *, coherent: bool = False) -> Meeting:
+    """What is met first, at any distance.
+
+    coherent  Embree may traverse with packets of rays, for rays that go together; it misses what rays that part from a
+              curved mirror meet, and is slower for them
 
     On a graphics card each tree is a kernel of its own: OptiX has one shader binding table per kernel, and Dr.Jit drops the
     rays of any other scene with no more than a warning.

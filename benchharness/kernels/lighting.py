@@ -18,7 +18,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from benchharness.kernels import raster
+from benchharness.kernels import packets, raster
+from benchharness.kernels.types import SceneLike
 
 NEAREST = 1e-6  # metres; a light is never nearer to a surface than this
 
@@ -47,8 +48,8 @@ class Shine:
     lights: list[Light]
 
 
-def shine_of(scene) -> Shine | None:
-    """What the highlights of a `benchharness.scene.Scene` need, object space; None where it has none.
+def shine_of(scene: SceneLike) -> Shine | None:
+    """What the highlights of a scene need, object space; None where it has none.
 
     Raises ValueError for a glossy object without visibility of the scene's lights: it has not been baked.
     """
@@ -57,20 +58,22 @@ def shine_of(scene) -> Shine | None:
     normals, visibility, gloss = [], [], []
     for part in scene.parts:
         mesh, look = part.mesh, getattr(part, "gloss", None)  # a mirror has none
-        packets = np.zeros((len(mesh.vertices), 4))
+        shares = np.zeros((len(mesh.vertices), 4))
         numbers = [0.0, 0.0, 0.0, 1.0]  # an exponent of 1, as 0 to the power of 0 is not a number here
         if look is not None:
-            packets[:, : len(scene.lights)] = part.seen(len(scene.lights))
+            shares[:, : len(scene.lights)] = part.seen(len(scene.lights))
             numbers = [*(np.asarray(look.specular) * (look.exponent + 8) / (8 * np.pi)), look.exponent]
-        normals.append(np.column_stack([mesh.normals, np.zeros(len(mesh.vertices))]))
-        visibility.append(packets)
+        normals.append(packets.of_rows(mesh.normals))
+        visibility.append(shares)
         gloss.append(np.array([numbers]))
     lights = [Light(mi.Point3f(*light.position), mi.Color3f(*light.intensity)) for light in scene.lights]
     dr.make_opaque(lights)
     return Shine(*(mi.Float(np.concatenate(a).astype(np.float32).ravel()) for a in (normals, visibility, gloss)), lights)
 
 
-def highlight(lights: list[Light], V: mi.Point3f, n: mi.Vector3f, wo: mi.Vector3f, visible, gloss: mi.Vector4f) -> mi.Color3f:
+def highlight(
+    lights: list[Light], V: mi.Point3f, n: mi.Vector3f, wo: mi.Vector3f, visible: mi.Vector4f, gloss: mi.Vector4f
+) -> mi.Color3f:
     """Radiance of the highlights of all lights at V towards wo; `visible` as in `Shine`, `gloss` of the part."""
     total = mi.Color3f(0)
     for i, light in enumerate(lights):
@@ -84,16 +87,27 @@ def highlight(lights: list[Light], V: mi.Point3f, n: mi.Vector3f, wo: mi.Vector3
     return total
 
 
-def seen_from(viewer: mi.Point3f, shine: Shine, points, part: mi.UInt32, face, weights, active) -> mi.Color3f:
-    """Radiance of the highlights towards `viewer` at the points `weights` of triangles; 0 where not active.
+@dataclass
+class Spot:
+    """Points on triangles.
 
-    points         packets of the vertices in world space, as the normals of `shine` are
-    part           of each triangle
+    points         packets of the vertices, in world space
     face, weights  as in `raster.interpolate`
+    part           of each triangle
     """
-    gloss = dr.gather(mi.Vector4f, shine.gloss, part, active)
+
+    points: mi.Float
+    face: mi.Vector4u
+    part: mi.UInt32
+    weights: mi.Vector3f
+
+
+def seen_from(viewer: mi.Point3f, shine: Shine, spot: Spot, active: mi.Bool) -> mi.Color3f:
+    """Radiance of the highlights towards `viewer`; 0 where not active. The normals of `shine` are in world space."""
+    face, weights = spot.face, spot.weights
+    gloss = dr.gather(mi.Vector4f, shine.gloss, spot.part, active)
     glossy = active & (dr.max(gloss.xyz) > 0)
-    V = mi.Point3f(raster.interpolate(points, face, weights, glossy).xyz)
+    V = mi.Point3f(raster.interpolate(spot.points, face, weights, glossy).xyz)
     n = dr.normalize(raster.interpolate(shine.normals, face, weights, glossy).xyz)
     visible = raster.interpolate(shine.visibility, face, weights, glossy)
     L = highlight(shine.lights, V, n, dr.normalize(viewer - V), visible, gloss)

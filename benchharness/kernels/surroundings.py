@@ -12,10 +12,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from benchharness.kernels import packets
+from benchharness.kernels.types import SceneLike
+
 
 @dataclass
 class Surroundings:
-    """One of the two is None.
+    """One colour or a panorama: of `colour` and `texels`, one is None.
 
     colour         the same in every direction
     texels         4 floats per texel, [height, width + 1]
@@ -28,18 +31,16 @@ class Surroundings:
     width: int = 0
 
 
-def of_scene(scene) -> Surroundings:
-    """Those of a `benchharness.scene.Scene`, opaque."""
+def of_scene(scene: SceneLike) -> Surroundings:
+    """What surrounds a scene, opaque."""
     if scene.environment is None:
         colour = mi.Color3f(scene.background)
         dr.make_opaque(colour)
         return Surroundings(colour)
     values = np.asarray(scene.environment.radiance)
     height, width, _ = values.shape
-    packets = np.zeros((height, width + 1, 4), np.float32)
-    packets[:, :width, :3] = values
-    packets[:, width] = packets[:, 0]
-    return Surroundings(None, mi.Float(packets.ravel()), height, width)
+    closed = np.concatenate([values, values[:, :1]], axis=1)
+    return Surroundings(None, mi.Float(packets.of_rows(closed.reshape(-1, 3)).ravel()), height, width)
 
 
 def radiance(surroundings: Surroundings, direction: mi.Vector3f, active: mi.Bool | bool = True) -> mi.Color3f:
@@ -55,6 +56,6 @@ def radiance(surroundings: Surroundings, direction: mi.Vector3f, active: mi.Bool
     row, column = dr.minimum(mi.UInt32(y), height - 2), dr.minimum(mi.UInt32(x), width - 1)
     fy, fx = y - mi.Float(row), x - mi.Float(column)
     first = row * (width + 1) + column
-    a, b, c, e = (dr.gather(mi.Vector4f, surroundings.texels, first + k, active) for k in (0, 1, width + 1, width + 2))
-    value = dr.lerp(dr.lerp(a, b, fx), dr.lerp(c, e, fx), fy)
+    corners = (first, first + 1, first + width + 1, first + width + 2)
+    value = packets.bilinear(surroundings.texels, corners, fx, fy, active)
     return mi.Color3f(value.x, value.y, value.z)

@@ -53,7 +53,7 @@ def surface_of(mesh: Mesh) -> Surface:
     """A reflector's mesh on the device, object space."""
     zeros = np.zeros((len(mesh.vertices), 1))
     packed = np.hstack([mesh.vertices, zeros, mesh.normals, zeros]).astype(np.float32)
-    tags = np.where(geometry.closed_faces(mesh.vertices, mesh.faces), raster.CLOSED, 0)
+    tags = np.where(geometry.oriented_closed_faces(mesh.vertices, mesh.faces), raster.CLOSED, 0)
     faces = np.hstack([mesh.faces, tags[:, None]]).astype(np.uint32)
     return Surface(mi.Float(packed.ravel()), mi.UInt32(faces.ravel()), len(mesh.vertices), len(mesh.faces))
 

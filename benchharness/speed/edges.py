@@ -18,7 +18,9 @@ import numpy as np
 from scipy import ndimage
 
 from benchharness.kernels import pixels
+from benchharness.kernels.differentials import RayDifferential
 from benchharness.kernels.images import relief
+from benchharness.kernels.images.candidates import Ray
 from benchharness.measure import host, metrics
 from benchharness.render import reference
 from benchharness.speed import popescu
@@ -88,7 +90,8 @@ def _hits(stage: Stage, shown: relief.Reliefs) -> np.ndarray:
         return np.zeros(stage.size[::-1], bool)
     o, d = rays(frame, frame.pixels)
     mirror = mi.UInt32(dr.gather(mi.Int32, frame.reflector, frame.pixels))
-    met = relief.nearest(shown, shown.objects, mirror, o, d, mi.Float(dr.inf), 0.0, "mid", mi.Bool(True))
+    ray = Ray(mirror, o, d, RayDifferential([], []))
+    met = relief.nearest(shown, shown.candidates.objects, ray, mi.Float(dr.inf), relief.Walk())
     (hits,) = pixels.spread([mi.Float(dr.select(met.t < dr.inf, 1, 0))], frame.pixels, frame.view)
     return host.plane(hits, frame) > 0
 

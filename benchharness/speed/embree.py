@@ -54,7 +54,7 @@ def build(scene: Scene, time: float, way: hierarchy.Way = hierarchy.BODIES, *, r
     triangles, seen = geometry.of_scene(scene), geometry.of_scene_seen(scene)
     metals = [(r.eta, r.k) if r.eta is not None else None for r in scene.reflectors]
     return World(
-        hierarchies=hierarchy.of_scene(scene, triangles, time, way, robust),
+        hierarchies=hierarchy.of_scene(scene, triangles, time, way, robust=robust),
         smooth=_smooth(scene, time, robust=robust),
         radiance=triangles.attributes,
         attributes=seen.attributes,
@@ -136,7 +136,7 @@ def _mirrored(world: World, p: mi.Point3f, n: mi.Normal3f, v: mi.Vector3f, activ
     """Radiance along the reflected rays and their lengths."""
     start = p + mi.Vector3f(n) * (RAY_EPSILON * (1 + dr.max(dr.abs(p))))
     ray = mi.Ray3f(start, optics.reflect(v, n))
-    hit = hierarchy.meet(world.hierarchies, ray, active, coherent)
+    hit = hierarchy.meet(world.hierarchies, ray, active, coherent=coherent)
     value = _xyz(raster.interpolate(world.radiance, hit.face, hit.weights, hit.found))
     far = surroundings.radiance(world.surroundings, ray.d, active & ~hit.found)
     return dr.select(hit.found, mi.Color3f(value), far), dr.select(hit.found, hit.t + RAY_EPSILON, dr.inf)

@@ -16,7 +16,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from benchharness.kernels.geometry import closed_faces
+from benchharness.kernels.geometry import oriented_closed_faces
 from benchharness.scene import Scene
 
 VERTEX = """
@@ -159,7 +159,7 @@ def _geometry(scene: Scene, time: float) -> tuple[np.ndarray, np.ndarray, np.nda
         value = mesh.normals if number >= len(scene.objects) else mesh.radiance
         vertices.append(np.column_stack([mesh.vertices, np.full(len(mesh.vertices), number), np.asarray(value)]))
         faces.append(mesh.faces + start)
-        closed.append(closed_faces(part.mesh.vertices, part.mesh.faces))
+        closed.append(oriented_closed_faces(part.mesh.vertices, part.mesh.faces))
         start += len(mesh.vertices)
     triangles, whole = np.concatenate(faces).astype(np.uint32), np.concatenate(closed)
     return np.concatenate(vertices).astype(np.float32), triangles[whole], triangles[~whole]

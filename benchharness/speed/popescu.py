@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from benchharness.kernels.images import imagewise, relief, roles
+from benchharness.kernels.images.capture import CaptureOptions
 from benchharness.measure import timing
 from benchharness.speed.stage import Stage, Work, interleaved
 
@@ -115,13 +116,12 @@ def reliefs(stage: Stage, texels: int, rotations: int, points: int) -> relief.Re
 
     Raises ValueError for a scene that has none: all of it flat, or around its mirrors.
     """
-    planned = roles.plan(stage.scene, 1, 0, False, None)
-    options = imagewise.Options(
+    planned = roles.plan(stage.scene, maps=1, mirrors=False)
+    options = CaptureOptions(
         size=texels, planes=8, mip=False, resolution=4, turn=0.0, walls=0.0, rotations=rotations, points=points
     )
-    on = imagewise.stage(stage.scene, planned)
-    taken = imagewise.retaken(on, imagewise.nothing(planned), stage.frame.poses, options)
-    found = imagewise.cast(on, taken, stage.frame.poses, options, None).reliefs
+    state = imagewise.updated(imagewise.begun(stage.scene, planned), stage.frame.poses, options)
+    found = None if state.impostors is None else state.impostors.reliefs
     if found is None:
         raise ValueError(f"scene {stage.scene.name}: no depth map; accepted: scenes with an object that has a volume")
     return found

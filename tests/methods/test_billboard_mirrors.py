@@ -113,7 +113,7 @@ def test_i27_no_mirror_is_in_its_own_pictures():
     answer, exact = one(BillboardImpostor(), inside), one(RayTraced(), inside)
     assert (answer.distance[answer.active] > 1.5).all()  # the walls, not the mirror's own inside
     assert answer.L[answer.active].min() > 0.2 and rms(answer, exact, answer.active) < 0.1
-    plan = BillboardImpostor().prepare(row_of_mirrors(2, 4)).stage.plan
+    plan = BillboardImpostor().prepare(row_of_mirrors(2, 4)).scene.plan
     for mirror, shown in enumerate(plan.quads):
         assert sorted(plan.slots[s].part - 2 for s in shown[1]) == [m for m in range(4) if m != mirror]
         assert all(plan.slots[s].mirror == mirror for s in (*shown[0], *shown[1]))

@@ -20,7 +20,9 @@ from support.board_scenes import (
 )
 from support.mirror_room import balls, mirror_ball, scene, shaded, still
 
+from benchharness.kernels.differentials import RayDifferential
 from benchharness.kernels.images import backdrop, billboard
+from benchharness.kernels.images.candidates import Ray
 from benchharness.render.frame import FrameRenderer
 from benchharness.scene import Mesh, Object
 from methods.billboard_impostor import BillboardImpostor
@@ -33,7 +35,7 @@ def ground_probe(wall_height: float):
     """(colour just inside, just outside of the ground's border [N, 3]) along rays from the mirror, by the method's own cast."""
     made = on_the_ground()
     method = BillboardImpostor(walls=wall_height, mip=False, planes=1024, environment=512)
-    cast = one(method, made).state.cast
+    cast = one(method, made).state.impostors
     o = np.array([0.3, 0.1, 0.9])
     s = np.linspace(-1.9, 1.9, 25)
     sides = []
@@ -45,20 +47,11 @@ def ground_probe(wall_height: float):
         d = mi.Vector3f(*(mi.Float(np.ascontiguousarray(x, np.float32)) for x in d.T))
         start = mi.Point3f(*map(float, o)) + mi.Vector3f(mi.Float(np.zeros(len(border), np.float32)))
         none = [mi.Vector3f(0), mi.Vector3f(0)]
-        spread = billboard.Spread(none, none)
+        ray = Ray(mi.UInt32(0), start, d, RayDifferential(none, none))
         met = billboard.none()
-        if cast.planes.columns:
-            met = billboard.nearest(
-                cast.planes,
-                cast.plane_pictures,
-                cast.planes.columns,
-                mi.UInt32(0),
-                start,
-                d,
-                mi.Float(0),
-                spread,
-                mi.Bool(True),
-            )
+        columns = cast.planes.candidates.columns
+        if columns:
+            met = billboard.nearest(cast.planes, cast.plane_pictures, columns, ray, met)
         direction, _ = backdrop.behind(cast.backdrop, start, d)
         L, _ = backdrop.look_up(cast.backdrop, mi.UInt32(0), direction, mi.Bool(True))
         hit = np.isfinite(np.array(met.t))[:, None]
@@ -103,7 +96,7 @@ def test_i08_the_picture_is_the_ground_below_and_the_environment_above_the_walls
 
 def test_i08_the_walls_are_as_high_as_asked_and_the_map_is_taken_where_the_panorama_was():
     """I-08: directions of rays through a wall, from the method's own cast."""
-    cast = one(BillboardImpostor(walls=0.7), on_the_ground()).state.cast
+    cast = one(BillboardImpostor(walls=0.7), on_the_ground()).state.impostors
     o, heights = np.array([0.3, 0.1, 0.5]), np.array([0.1, 0.35, 0.69, 0.71, 0.9])
     exits = np.column_stack([np.full(5, 2.0), np.full(5, 0.4), heights])
     d = (exits - o) / np.linalg.norm(exits - o, axis=1, keepdims=True)
@@ -149,7 +142,7 @@ def taken_in(made, updates=(0, 1)) -> list[int]:
     for index in updates:
         frame = renderer.render(index)
         state = method.update(state, frame)
-        renewed = list(state.taken.renewed)
+        renewed = list(state.captured.renewed)
         reflection, state = method.shade(state, frame)
         counts.append(int(np.array(reflection.counters["pictures_taken"])[0]))
         assert len(renewed) == counts[-1]

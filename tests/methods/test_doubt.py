@@ -13,7 +13,9 @@ from support.mirror_room import SIZE, mirror_room, shaded, still
 from support.mirror_room import scene as room_of
 
 from benchharness.kernels import selfmet
+from benchharness.kernels.differentials import RayDifferential
 from benchharness.kernels.images import billboard, depthray
+from benchharness.kernels.images.candidates import Ray
 from benchharness.kernels.vertices import bent
 from benchharness.regime import Seen
 from benchharness.render.frame import FrameRenderer
@@ -161,18 +163,10 @@ def test_what_billboards_show_does_not_depend_on_what_is_doubted():
     bounded.quads = device(packed)
     o, d = 2 * rng.normal(size=(count, 3)), rng.normal(size=(count, 3))
     d /= np.linalg.norm(d, axis=1, keepdims=True)
-    spread = billboard.Spread([mi.Vector3f(0.01, 0, 0), mi.Vector3f(0, 0.01, 0)], [mi.Vector3f(0), mi.Vector3f(0)])
-    args = (
-        made.pictures,
-        6,
-        mi.UInt32(rng.integers(0, 2, count)),
-        mi.Point3f(vectors(o)),
-        vectors(d),
-        mi.Float(0.0),
-        spread,
-        True,
-    )
-    plain, deep = billboard.nearest(boards, *args), billboard.nearest(bounded, *args, deep=True)
+    differential = RayDifferential([mi.Vector3f(0.01, 0, 0), mi.Vector3f(0, 0.01, 0)], [mi.Vector3f(0), mi.Vector3f(0)])
+    ray = Ray(mi.UInt32(rng.integers(0, 2, count)), mi.Point3f(vectors(o)), vectors(d), differential)
+    args = (made.pictures, 6, ray, billboard.none())
+    plain, deep = billboard.nearest(boards, *args), billboard.nearest(bounded, *args, bounded=True)
     for name in ("t", "slot", "value", "tests"):
         assert np.array(getattr(plain, name)).tobytes() == np.array(getattr(deep, name)).tobytes()
     assert np.array(deep.doubt).any() and np.isfinite(np.array(deep.missed)).any()
@@ -182,11 +176,11 @@ def test_what_billboards_show_does_not_depend_on_what_is_doubted():
 def test_pixels_between_rays_are_least_squares():
     rng = np.random.default_rng(1)
     u, v, e = rng.normal(size=(3, 50, 3))
-    spread = billboard.Spread([vectors(u), vectors(v)], [mi.Vector3f(0), mi.Vector3f(0)])
-    found = np.array(spread.pixels(mi.Float(1), vectors(e)))
+    differential = RayDifferential([vectors(u), vectors(v)], [mi.Vector3f(0), mi.Vector3f(0)])
+    found = np.array(differential.pixels(mi.Float(1), vectors(e)))
     expected = [np.linalg.norm(np.linalg.lstsq(np.stack([a, b], 1), c, rcond=None)[0]) for a, b, c in zip(u, v, e, strict=True)]
     np.testing.assert_allclose(found, expected, rtol=2e-4)
-    alone = billboard.Spread([mi.Vector3f(0.5, 0, 0), mi.Vector3f(0)], [mi.Vector3f(0), mi.Vector3f(0)])
+    alone = RayDifferential([mi.Vector3f(0.5, 0, 0), mi.Vector3f(0)], [mi.Vector3f(0), mi.Vector3f(0)])
     assert np.array(alone.pixels(mi.Float(1), mi.Vector3f(2, 0, 0)))[0] == pytest.approx(4)
 
 

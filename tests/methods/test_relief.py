@@ -87,9 +87,10 @@ def test_the_nearest_hit_counts_whatever_the_order_of_the_maps(eggs):
     state = method.update(method.prepare(made), frame)
     found = []
     for order in (slice(None), slice(None, None, -1)):
-        reliefs = state.cast.reliefs
-        lists = mi.UInt32(np.ascontiguousarray(np.array(reliefs.lists)[order]))
-        asked = replace(state, cast=replace(state.cast, reliefs=replace(reliefs, lists=lists)))
+        reliefs = state.impostors.reliefs
+        table = mi.UInt32(np.ascontiguousarray(np.array(reliefs.candidates.table)[order]))
+        reliefs = replace(reliefs, candidates=replace(reliefs.candidates, table=table))
+        asked = replace(state, impostors=replace(state.impostors, reliefs=reliefs))
         found.append(Answer(frame, *method.shade(asked, frame)))
     assert np.array_equal(found[0].distance, found[1].distance)
     assert differ(*found, by=0).mean() < 1e-4  # maps that meet at the same distance, to the bit

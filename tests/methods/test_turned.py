@@ -40,7 +40,7 @@ def floor(half: float, z: float) -> Object:
 def test_a_turned_scene_has_the_same_roles(seed):
     made = scene((walls(), beads(), floor(1.8, -1.98)), (MIRROR,))
     turned = carried(made, any_motion(seed))
-    one, other = (roles.plan(s, 1, 0, True, None) for s in (made, turned))
+    one, other = (roles.plan(s, maps=1) for s in (made, turned))
     assert one.enclosing == [{0}] and one.bounds == {2}
     assert (other.enclosing, other.bounds, other.slots, other.maps, other.planes) == (
         one.enclosing, one.bounds, one.slots, one.maps, one.planes,
@@ -50,13 +50,13 @@ def test_a_turned_scene_has_the_same_roles(seed):
 def test_what_is_flat_or_goes_around_a_mirror_nearby_does_not_enclose_it_whichever_way_it_is_turned():
     for seed in range(4):
         turned = carried(scene((beads(), floor(4.0, -0.7)), (MIRROR,)), any_motion(seed))
-        assert roles.plan(turned, 1, 0, True, None).enclosing == [set()]
+        assert roles.plan(turned, maps=1).enclosing == [set()]
 
 
 def test_walls_over_a_wainscot_surround_a_mirror_whose_middle_is_at_its_rail():
     """Neither half of the walls holds the mirror in its hull, and no picture from the mirror's side shows it."""
     upper, lower = (thing(f"walls {sign}", open_box(sign)) for sign in (1, -1))
-    plan = roles.plan(scene((upper, lower), (MIRROR,)), 1, 0, True, None)
+    plan = roles.plan(scene((upper, lower), (MIRROR,)), maps=1)
     assert plan.enclosing == [{0, 1}]
 
 

@@ -8,6 +8,7 @@ import mitsuba as mi
 import numpy as np
 
 from benchharness.kernels.images import billboard
+from benchharness.kernels.images.candidates import NONE, Candidates
 
 SIZE = 16
 
@@ -48,14 +49,15 @@ class Quads:
         packed[:, 0, :3], packed[:, 3, :3] = self.middle, self.k
         packed[:, 0, 3] = -1
         packed[:, 1, :3], packed[:, 2, :3] = self.a / self.half[:, :1], self.b / self.half[:, 1:]
-        table = np.where(self.lists < 0, billboard.NONE, self.lists).astype(np.uint32)
-        return billboard.Billboards(device(packed), mi.UInt32(table.ravel()), self.lists.shape[1], self.objects)
+        table = np.where(self.lists < 0, NONE, self.lists).astype(np.uint32)
+        listed = Candidates(mi.UInt32(table.ravel()), self.lists.shape[1], self.objects)
+        return billboard.Billboards(device(packed), listed)
 
     @property
     def pictures(self) -> billboard.Pictures:
         return billboard.Pictures(device(self.texels), self.texels.shape[1], False)
 
-    def nearest(self, mirror, o, d, least, columns):
+    def nearest(self, mirror, o, d, columns):
         """(t, slot, value, tests, margin) of one ray; margin: by how little another answer was missed."""
         best, tests, margin = (np.inf, -1, np.zeros(4)), 0, np.inf
         for slot in self.lists[mirror][:columns]:
@@ -65,8 +67,8 @@ class Quads:
             t = ((self.middle[slot] - o) @ self.k[slot]) / (d @ self.k[slot])
             at = o + t * d - self.middle[slot]
             x, y = at @ self.a[slot] / self.half[slot, 0], at @ self.b[slot] / self.half[slot, 1]
-            margin = min(margin, abs(t - least), abs(abs(x) - 1), abs(abs(y) - 1))
-            if t <= least or abs(x) > 1 or abs(y) > 1:
+            margin = min(margin, abs(t), abs(abs(x) - 1), abs(abs(y) - 1))
+            if t <= 0 or abs(x) > 1 or abs(y) > 1:
                 continue
             value = bilinear(self.texels[slot], x, y)
             margin = min(margin, abs(value[3] - 0.5), abs(t - best[0]))

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from benchharness.kernels.geometry import closed_faces
+from benchharness.kernels.geometry import oriented_closed_faces
 from benchharness.render.inside import check_cameras
 from benchharness.scene import Mesh, Scene
 from scenes.props import courtyard
@@ -41,7 +41,7 @@ def moved(part, scene: Scene, frame: int) -> np.ndarray:
 
 def mirrors_are_closed_and_their_normals_unit_and_outward(scene: Scene, pieces: int = 1) -> None:
     for r in scene.reflectors:
-        assert closed_faces(r.mesh.vertices, r.mesh.faces).all(), r.name
+        assert oriented_closed_faces(r.mesh.vertices, r.mesh.faces).all(), r.name
         assert r.closed is r.mesh
         assert len(volumes(r.mesh)) == pieces
         assert min(volumes(r.mesh)) > 0

@@ -21,6 +21,7 @@ import drjit as dr
 import mitsuba as mi
 
 from benchharness.kernels import cubemap, surroundings
+from benchharness.kernels.images.candidates import Ray
 
 
 @dataclass
@@ -37,7 +38,8 @@ class Walls:
 
 @dataclass
 class Backdrop:
-    """
+    """What is behind all impostors.
+
     infinity    the surroundings
     maps        cube maps, one per mirror, or one for all with `walls`; None: look at infinity
     resolution  texels per edge of a face
@@ -79,7 +81,7 @@ def behind(backdrop: Backdrop, o: mi.Point3f, d: mi.Vector3f) -> tuple[mi.Vector
     return direction, dr.select(ground, t, dr.inf)
 
 
-def look_up(backdrop: Backdrop, mirror: mi.UInt32, direction: mi.Vector3f, active) -> tuple[mi.Color3f, mi.Float]:
+def look_up(backdrop: Backdrop, mirror: mi.UInt32, direction: mi.Vector3f, active: mi.Bool) -> tuple[mi.Color3f, mi.Float]:
     """Radiance from a direction around a mirror, and the distance of what is there; inf for the surroundings."""
     if backdrop.maps is None:
         return surroundings.radiance(backdrop.infinity, direction, active), mi.Float(dr.inf)
@@ -89,9 +91,9 @@ def look_up(backdrop: Backdrop, mirror: mi.UInt32, direction: mi.Vector3f, activ
     return mi.Color3f(value.x, value.y, value.z), distance
 
 
-def beside(backdrop: Backdrop, mirror: mi.UInt32, o: mi.Point3f, d: mi.Vector3f, active) -> mi.Vector3f:
-    """From a ray to the parallel one through the place of its mirror's map, metres; 0 where there is none, or walls."""
+def parallax(backdrop: Backdrop, ray: Ray) -> mi.Vector3f:
+    """The way from a ray to the parallel one through the place of its mirror's map, metres; 0 without maps, or with walls."""
     if backdrop.places is None:
         return mi.Vector3f(0)
-    x = dr.gather(mi.Vector4f, backdrop.places, mirror, active).xyz - mi.Vector3f(o)
-    return x - dr.dot(x, d) * d
+    x = dr.gather(mi.Vector4f, backdrop.places, ray.mirror).xyz - mi.Vector3f(ray.o)
+    return x - dr.dot(x, ray.d) * ray.d

@@ -14,7 +14,8 @@ The last three numbers, metres, tell what to doubt; they are 0 for what is flat.
 
 Doubt. A ray may meet the part anywhere within these bounds, from t = lo to hi, but the picture is read only where it crosses
 the quad. What lies z before the quad is shown |z| sin(angle between the ray and the camera's) from the ray; in pixels, by
-how far the ray moves from one pixel to the next (`Spread.pixels`). With z the largest that the ray reaches within the bounds:
+how far the ray moves from one pixel to the next (`RayDifferential.pixels`). With z the largest that the ray reaches within
+the bounds:
 * A hit is doubted where that is more than two pixels, and where the ray comes from behind: the picture is of the front.
 * Beside a hit, something is missed where that is more than two pixels and the picture is not empty where the ray passes by
   within the bounds: as wide a texel as that way is long, around its middle, is covered to a twentieth.
@@ -28,11 +29,12 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from benchharness.kernels import packets
 from benchharness.kernels.frozen import frozen
+from benchharness.kernels.images.candidates import NONE, Candidates, Ray
 from benchharness.kernels.images.impostor import FIELD
 from benchharness.kernels.pixels import WRONG_PX
 
-NONE = 0xFFFF_FFFF  # no billboard
 PARALLEL = 1e-6  # a ray whose direction has less than this along a quad's normal misses it
 OPAQUE = 0.5  # coverage from which a texel stops a ray
 COVERED = 0.05  # coverage from which a texel as wide as a ray's way through the bounds is not empty
@@ -42,8 +44,13 @@ COARSEST = 4  # texels across the last mip level
 
 @dataclass
 class Pictures:
-    """Premultiplied packets (see `kernels.impostor`), mip levels of a slot one after the other, finest first, then the next
-    slot. `size`: texels across the finest level, a power of two; `mip`: whether there are others; `first`: its first slot."""
+    """Pictures of slots, one after the other.
+
+    texels  premultiplied packets (see `kernels.images.capture`), mip levels of a slot one after the other, the finest first
+    size    texels across the finest level, a power of two
+    mip     whether there are others
+    first   number of the first slot
+    """
 
     texels: mi.Float
     size: int
@@ -52,10 +59,12 @@ class Pictures:
 
     @property
     def levels(self) -> int:
+        """How many mip levels a slot has."""
         return (self.size // COARSEST).bit_length() if self.mip else 1
 
     @property
     def texels_per_slot(self) -> int:
+        """How many texels all levels of a slot have."""
         return sum((self.size >> level) ** 2 for level in range(self.levels))
 
 
@@ -68,13 +77,11 @@ def with_levels(texels: mi.Float, size: int) -> mi.Float:
         lane = dr.arange(mi.UInt32, size * size)
         first = 4 * size * (lane // size) + 2 * (lane % size)
         total = sum(dr.gather(mi.Vector4f, levels[-1], first + k) for k in (0, 1, 2 * size, 2 * size + 1))
-        coarser = dr.empty(mi.Float, 4 * size * size)
-        dr.scatter(coarser, 0.25 * total, lane)
-        levels.append(coarser)
+        levels.append(packets.stored(0.25 * total, size * size))
     return dr.concat(levels)
 
 
-def sample(pictures: Pictures, slot: mi.UInt32, x: mi.Float, y: mi.Float, level: mi.Float, active) -> mi.Vector4f:
+def sample(pictures: Pictures, slot: mi.UInt32, x: mi.Float, y: mi.Float, level: mi.Float, active: mi.Bool) -> mi.Vector4f:
     """The packet at (x, y) of a picture, [-1, 1] across: bilinear in the nearest mip level; border repeated.
 
     level  0 is the finest; ignored for pictures without mip levels
@@ -93,7 +100,8 @@ def _before(size: int, level: mi.UInt32) -> mi.UInt32:
     return (4 * size * size - (4 * size * size >> (2 * level))) // 3
 
 
-def _bilinear(pictures: Pictures, first: mi.UInt32, size: mi.UInt32, x, y, active) -> mi.Vector4f:
+def _bilinear(pictures: Pictures, first: mi.UInt32, size: mi.UInt32, x: mi.Float, y: mi.Float, active: mi.Bool) -> mi.Vector4f:
+    """The packet at (x, y) of the level that begins at texel `first` and is `size` texels across."""
     width = mi.Float(size)
     column = dr.clip((x + 1) * (0.5 * width) - 0.5, 0, width - 1)
     row = dr.clip((y + 1) * (0.5 * width) - 0.5, 0, width - 1)
@@ -101,53 +109,25 @@ def _bilinear(pictures: Pictures, first: mi.UInt32, size: mi.UInt32, x, y, activ
     right, below = dr.select(left + 1 < size, 1, mi.UInt32(0)), dr.select(top + 1 < size, size, 0)
     base = first + top * size + left
     corners = (base, base + right, base + below, base + below + right)
-    a, b, c, d = (dr.gather(mi.Vector4f, pictures.texels, i, active) for i in corners)
-    fx, fy = column - mi.Float(left), row - mi.Float(top)
-    return dr.lerp(dr.lerp(a, b, fx), dr.lerp(c, d, fx), fy)
+    return packets.bilinear(pictures.texels, corners, column - mi.Float(left), row - mi.Float(top), active)
 
 
 @dataclass
 class Billboards:
-    """All quads of a scene, and which of them each mirror shows.
-
-    lists    [mirrors, columns]: slots, NONE where a mirror has fewer; the first `objects` columns show objects
-    columns  the rest shows other mirrors
-    """
+    """All quads of a scene, 16 floats per slot as above, and the slots whose quads each mirror shows."""
 
     quads: mi.Float
-    lists: mi.UInt32
-    columns: int
-    objects: int
-
-
-@dataclass
-class Spread:
-    """How a pixel's ray moves from one pixel to the next, to the right and down: its start, and its unit direction."""
-
-    start: list[mi.Vector3f]
-    turn: list[mi.Vector3f]
-
-    def at(self, t: mi.Float) -> mi.Float:
-        """Metres between neighbouring rays after t metres, the smaller of the two: what is drawn out stays sharp."""
-        return dr.minimum(*(dr.norm(start + t * turn) for start, turn in zip(self.start, self.turn, strict=True)))
-
-    def pixels(self, t: mi.Float, e: mi.Vector3f) -> mi.Float:
-        """How many pixels away the ray is that passes e, metres across, beside this one after t metres: least squares.
-
-        Where only one neighbour is known, by that one alone; where none is, inf."""
-        u, v = (start + t * turn for start, turn in zip(self.start, self.turn, strict=True))
-        uu, uv, vv, ue, ve = dr.dot(u, u), dr.dot(u, v), dr.dot(v, v), dr.dot(u, e), dr.dot(v, e)
-        determinant = uu * vv - uv * uv
-        both = determinant > 1e-6 * uu * vv
-        scale = dr.rcp(dr.select(both, determinant, 1))
-        two = dr.sqrt(dr.square((vv * ue - uv * ve) * scale) + dr.square((uu * ve - uv * ue) * scale))
-        return dr.select(both, two, dr.norm(e) / dr.sqrt(dr.maximum(uu, vv)))
+    candidates: Candidates
 
 
 @dataclass
 class Hit:
-    """The nearest hit, t = inf for none: slot, and the packet there, divided by its coverage. `tests`: rays against quads.
+    """The nearest hit of a ray, and what the search for it says besides.
 
+    t       of the hit; inf for none
+    slot    whose picture shows it
+    value   the packet there, divided by its coverage
+    tests   quads that the ray was tested against
     doubt   it may be the wrong thing
     missed  from this t on something may be that was missed; inf where that is not known
     """
@@ -175,7 +155,7 @@ def level_of(pictures: Pictures, a: mi.Vector4f, b: mi.Vector4f, apart: mi.Float
 
 
 @dataclass
-class Way:
+class Passage:
     """A ray's way through a part's bounds, from t = `lo` to `hi`; whether there is one; whether the picture is too far off."""
 
     within: mi.Bool
@@ -185,112 +165,120 @@ class Way:
 
 
 @dataclass
-class Quad:
-    """Packets of `Billboards.quads`; the ray o + t d, t > `least`; t where it crosses the plane, and d across it."""
+class Crossing:
+    """A ray that crosses the plane of a quad.
+
+    middle, a, b, k  packets of `Billboards.quads`
+    t                where it does
+    cosine           the ray's direction along the normal
+    """
 
     middle: mi.Vector4f
     a: mi.Vector4f
     b: mi.Vector4f
     k: mi.Vector4f
-    o: mi.Point3f
-    d: mi.Vector3f
-    least: mi.Float
-    crossing: mi.Float
-    along: mi.Float
+    ray: Ray
+    t: mi.Float
+    cosine: mi.Float
 
-    def chord(self) -> tuple[mi.Float, mi.Float]:
-        """Of the sphere around the part: t amid the ray's way through it, and the square of half its length."""
-        to_middle = mi.Vector3f(self.middle.xyz) - mi.Vector3f(self.o)
-        closest = dr.dot(to_middle, self.d)
-        return closest, dr.square(self.k.w) - dr.squared_norm(to_middle) + dr.square(closest)
-
-    def way(self, spread: Spread) -> Way:
+    def passage(self) -> Passage:
         """See the module's account of doubt."""
-        closest, chord2 = self.chord()
-        chord = dr.sqrt(dr.maximum(chord2, 0))
-        per = dr.rcp(dr.select(dr.abs(self.along) < PARALLEL, PARALLEL, self.along))
-        one, other = self.crossing + self.a.w * per, self.crossing - self.b.w * per
-        lo = dr.maximum(dr.maximum(closest - chord, dr.minimum(one, other)), self.least)
-        hi = dr.minimum(closest + chord, dr.maximum(one, other))
-        height = self.along * dr.maximum(dr.abs(lo - self.crossing), dr.abs(hi - self.crossing))
+        ray = self.ray
+        closest, chord2 = chord(self.middle, self.k, ray)
+        half_chord = dr.sqrt(dr.maximum(chord2, 0))
+        per = dr.rcp(dr.select(dr.abs(self.cosine) < PARALLEL, PARALLEL, self.cosine))
+        one, other = self.t + self.a.w * per, self.t - self.b.w * per
+        lo = dr.maximum(dr.maximum(closest - half_chord, dr.minimum(one, other)), 0)
+        hi = dr.minimum(closest + half_chord, dr.maximum(one, other))
+        height = self.cosine * dr.maximum(dr.abs(lo - self.t), dr.abs(hi - self.t))
 
         # Towards the camera, from where the ray passes by.
         t = 0.5 * (lo + hi)
-        q = mi.Vector3f(self.o) + t * self.d - mi.Vector3f(self.middle.xyz)
+        q = mi.Vector3f(ray.o) + t * ray.d - mi.Vector3f(self.middle.xyz)
         w = dr.normalize((self.k.w / SINE + dr.dot(q, self.k.xyz)) * self.k.xyz - q)
-        off = spread.pixels(t, height * (w - dr.dot(w, self.d) * self.d)) > WRONG_PX
-        return Way((chord2 > 0) & (lo < hi), lo, hi, off)
+        off = ray.differential.pixels(t, height * (w - dr.dot(w, ray.d) * ray.d)) > WRONG_PX
+        return Passage((chord2 > 0) & (lo < hi), lo, hi, off)
+
+
+def chord(middle: mi.Vector4f, k: mi.Vector4f, ray: Ray) -> tuple[mi.Float, mi.Float]:
+    """A ray's way through the sphere around a part: t in the middle of it, and the square of half its length.
+
+    middle, k  packets of `Billboards.quads`
+    """
+    to_middle = mi.Vector3f(middle.xyz) - mi.Vector3f(ray.o)
+    closest = dr.dot(to_middle, ray.d)
+    return closest, dr.square(k.w) - dr.squared_norm(to_middle) + dr.square(closest)
 
 
 @dr.syntax
-def _missed(pictures: Pictures, slot: mi.UInt32, quad: Quad, spread: Spread, nearer: mi.Float, active) -> mi.Float:
+def _missed(pictures: Pictures, slot: mi.UInt32, crossing: Crossing, nearer: mi.Float, active: mi.Bool) -> mi.Float:
     """From which t < `nearer` on a ray that met nothing opaque may meet what its slot shows; inf for nowhere."""
     t = mi.Float(dr.inf)
-    if active & (quad.chord()[1] > 0):  # most rays miss most spheres
-        way = quad.way(spread)
+    if active & (chord(crossing.middle, crossing.k, crossing.ray)[1] > 0):  # most rays miss most spheres
+        way, ray = crossing.passage(), crossing.ray
         near = way.within & way.off & (way.lo < nearer)
-        q = mi.Vector3f(quad.o) + 0.5 * (way.lo + way.hi) * quad.d - mi.Vector3f(quad.middle.xyz)
-        across = (way.hi - way.lo) * dr.sqrt(dr.maximum(1 - dr.square(quad.along), 0))
-        level = level_of(pictures, quad.a, quad.b, across)
-        there = sample(pictures, slot, dr.dot(q, quad.a.xyz), dr.dot(q, quad.b.xyz), level, near)
+        q = mi.Vector3f(ray.o) + 0.5 * (way.lo + way.hi) * ray.d - mi.Vector3f(crossing.middle.xyz)
+        across = (way.hi - way.lo) * dr.sqrt(dr.maximum(1 - dr.square(crossing.cosine), 0))
+        level = level_of(pictures, crossing.a, crossing.b, across)
+        there = sample(pictures, slot, dr.dot(q, crossing.a.xyz), dr.dot(q, crossing.b.xyz), level, near)
         t = dr.select(near & (there.w > COVERED), way.lo, t)
     return t
 
 
 @dr.syntax
-def nearest(
-    boards: Billboards, pictures: Pictures, columns: int, mirror: mi.UInt32, o, d, least, spread: Spread, active, met=None,
-    deep: bool = False,
-) -> Hit:  # fmt: skip
-    """Tests the ray o + t d, t > least, against the billboards in the first `columns` columns of a mirror's list.
+def nearest(boards: Billboards, pictures: Pictures, columns: int, ray: Ray, met: Hit, bounded: bool = False) -> Hit:
+    """Tests a ray against the billboards in the first `columns` columns of its mirror's candidates.
 
-    met   what the ray has met already: returned with its tests where nothing is nearer
-    deep  they stand for parts that are not flat: doubt
+    met      what the ray has met already: returned with its tests where nothing is nearer
+    bounded  the quads stand for parts that are not flat, whose bounds tell what to doubt
     """
-    start = none() if met is None else met
-    t, slot, value, tests = mi.Float(start.t), mi.UInt32(start.slot), mi.Vector4f(start.value), mi.UInt32(start.tests)
-    doubt, missed = mi.Bool(start.doubt), mi.Float(start.missed)
+    t = mi.Float(met.t)  # of the nearest hit so far
+    slot = mi.UInt32(met.slot)  # which shows it
+    value = mi.Vector4f(met.value)  # the packet there
+    doubt = mi.Bool(met.doubt)  # whether it may be wrong
+    missed = mi.Float(met.missed)  # from where on something may be missed
+    tests = mi.UInt32(met.tests)  # quads tested
     column = mi.UInt32(0)
-    while dr.hint(active & (column < columns), label="billboards of a mirror"):
-        candidate = dr.gather(mi.UInt32, boards.lists, mirror * boards.columns + column)
+    while dr.hint(column < columns, label="billboards of a mirror"):
+        candidate = boards.candidates.at(ray.mirror, column)
         listed = candidate != NONE
         candidate = dr.select(listed, candidate, pictures.first)
         middle, a, b, k = (dr.gather(mi.Vector4f, boards.quads, candidate * 4 + i) for i in range(4))
-        along = dr.dot(d, k.xyz)
-        distance = dr.dot(mi.Vector3f(middle.xyz) - mi.Vector3f(o), k.xyz) / dr.select(dr.abs(along) < PARALLEL, dr.nan, along)
-        offset = mi.Vector3f(o) + distance * d - mi.Vector3f(middle.xyz)
+        cosine = dr.dot(ray.d, k.xyz)
+        to_middle = mi.Vector3f(middle.xyz) - mi.Vector3f(ray.o)
+        distance = dr.dot(to_middle, k.xyz) / dr.select(dr.abs(cosine) < PARALLEL, dr.nan, cosine)
+        offset = mi.Vector3f(ray.o) + distance * ray.d - mi.Vector3f(middle.xyz)
         x, y = dr.dot(offset, a.xyz), dr.dot(offset, b.xyz)
-        inside = listed & (distance > least) & (distance < t) & (dr.abs(x) <= 1) & (dr.abs(y) <= 1)
-        quad, passes = Quad(middle, a, b, k, o, d, least, distance, along), mi.Bool(listed)
+        inside = listed & (distance > 0) & (distance < t) & (dr.abs(x) <= 1) & (dr.abs(y) <= 1)
+        crossing, passes = Crossing(middle, a, b, k, ray, distance, cosine), mi.Bool(listed)
         if inside:  # most rays miss most quads
-            found = sample(pictures, candidate, x, y, level_of(pictures, a, b, spread.at(distance)), mi.Bool(True))
+            level = level_of(pictures, a, b, ray.differential.footprint(distance))
+            found = sample(pictures, candidate, x, y, level, mi.Bool(True))
             opaque = found.w > OPAQUE
             t, slot = dr.select(opaque, distance, t), dr.select(opaque, candidate, slot)
             value = dr.select(opaque, found * dr.rcp(dr.maximum(found.w, OPAQUE)), value)
-            doubt = dr.select(opaque, (along > 0) | quad.way(spread).off if deep else mi.Bool(False), doubt)
+            doubt = dr.select(opaque, (cosine > 0) | crossing.passage().off if bounded else mi.Bool(False), doubt)
             passes &= ~opaque
-        missed = dr.minimum(missed, _missed(pictures, candidate, quad, spread, t, passes)) if deep else missed
+        missed = dr.minimum(missed, _missed(pictures, candidate, crossing, t, passes)) if bounded else missed
         tests += dr.select(listed, mi.UInt32(1), 0)
         column += 1
     return Hit(t, slot, value, tests, doubt, missed)
 
 
 @dr.syntax
-def passed(boards: Billboards, slots, mirror: mi.UInt32, o, d, active) -> mi.Float:
-    """From which t on the ray o + t d, t > 0, may meet one of the mirrors in the mirror's list, by their spheres; inf: none.
+def passed(quads: mi.Float, candidates: Candidates, slots: mi.UInt32 | None, ray: Ray) -> mi.Float:
+    """From which t > 0 on a ray may meet one of the mirrors among its mirror's candidates, by their spheres; inf: none.
 
-    slots  of what the list holds, or None where it holds slots
+    slots  of the impostors that are listed; None where slots are
     """
-    t, column = mi.Float(dr.inf), mi.UInt32(boards.objects)
-    while dr.hint(active & (column < boards.columns), label="mirrors that a ray passes"):
-        candidate = dr.gather(mi.UInt32, boards.lists, mirror * boards.columns + column)
+    t, column = mi.Float(dr.inf), mi.UInt32(candidates.objects)
+    while dr.hint(column < candidates.columns, label="mirrors that a ray passes"):
+        candidate = candidates.at(ray.mirror, column)
         listed = candidate != NONE
         if dr.hint(slots is not None, mode="scalar"):
             candidate = dr.gather(mi.UInt32, slots, candidate, listed)
-        middle, k = (dr.gather(mi.Vector4f, boards.quads, candidate * 4 + i, listed) for i in (0, 3))
-        to_middle = mi.Vector3f(middle.xyz) - mi.Vector3f(o)
-        closest = dr.dot(to_middle, d)
-        chord2 = dr.square(k.w) - dr.squared_norm(to_middle) + dr.square(closest)
+        middle, k = (dr.gather(mi.Vector4f, quads, candidate * 4 + i, listed) for i in (0, 3))
+        closest, chord2 = chord(middle, k, ray)
         start = closest - dr.sqrt(dr.maximum(chord2, 0))
         t = dr.select(listed & (chord2 > 0) & (start > 0), dr.minimum(t, start), t)
         column += 1

@@ -36,22 +36,31 @@ def simplification(depth: mi.Float, cameras: mi.Float, rows: mi.Float, layout: L
     sums, mosts, samples, unspanned = _losses(depth, cameras, rows, layout)
     dr.eval(sums, mosts, samples, unspanned)
     spanned = int(np.sum(samples, dtype=np.int64))
-    means = [float(np.sum(one, dtype=np.float64)) / max(spanned, 1) for one in sums]
-    most = [float(np.max(one)) for one in mosts]
+    zgl, depth_, range_ = (float(np.sum(one, dtype=np.float64)) / max(spanned, 1) for one in sums)
+    zgl_most, depth_most, range_most = (float(np.max(one)) for one in mosts)
     return Loss(
-        means[0], most[0], means[1], most[1], means[2], most[2], spanned, int(np.sum(unspanned, dtype=np.int64))
-    )  # fmt: skip
+        zgl=zgl,
+        zgl_most=zgl_most,
+        depth=depth_,
+        depth_most=depth_most,
+        range=range_,
+        range_most=range_most,
+        samples=spanned,
+        unspanned=int(np.sum(unspanned, dtype=np.int64)),
+    )
 
 
 @dr.syntax
-def _losses(depth: mi.Float, cameras: mi.Float, rows: mi.Float, layout: Layout):
+def _losses(
+    depth: mi.Float, cameras: mi.Float, rows: mi.Float, layout: Layout
+) -> tuple[mi.Vector3f, mi.Vector3f, mi.UInt32, mi.UInt32]:
     """Per row: sums and maxima of the three differences, and samples spanned and not."""
     lane = dr.arange(mi.UInt32, layout.row_count)
     row = row_at(depth, layout, lane)
     lens = dr.gather(mi.Vector4f, cameras, 4 * row.map + 3)
     inverse_near, scale = dr.rcp(lens.y), dr.rcp(lens.y) - dr.rcp(lens.z)
-    sums, mosts = mi.Vector3f(0), mi.Vector3f(0)
-    samples, unspanned = mi.UInt32(0), mi.UInt32(0)
+    sums, mosts = mi.Vector3f(0), mi.Vector3f(0)  # of |dzgl|, |dZ| / Z and |dZ| / (zf - zn)
+    samples, unspanned = mi.UInt32(0), mi.UInt32(0)  # with a polyline and without
 
     # From -1 to the first point there is none; then point k and the next, until samples pass it.
     start, z_start, is_up = mi.Float(-1), mi.Float(0), mi.Bool(True)

@@ -43,7 +43,7 @@ class Layout:
     n: int
     m: int
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.count < 1:
             raise ValueError(f"depth maps: count = {self.count}; at least 1 is needed")
         if not 2 <= self.w <= 4096:
@@ -55,33 +55,39 @@ class Layout:
 
     @property
     def row_count(self) -> int:
+        """How many simplified rows there are in all."""
         return self.count * self.n * self.w
 
     @property
     def byte_count(self) -> int:
-        """Of the simplified rows."""
+        """What the simplified rows take in memory."""
         return self.row_count * self.m * 8
 
 
 @dataclass
 class Row:
-    """Where a lane's row lies, and its samples."""
+    """Where a lane's row lies, and its samples.
+
+    depth, map, w  all maps, the number of the row's own, texels on its side
+    x, y           sample 0, texels
+    sine, cosine   the row's direction
+    """
 
     depth: mi.Float
     map: mi.UInt32
     w: int
-    x: mi.Float  # of sample 0, pixels
+    x: mi.Float
     y: mi.Float
     sine: mi.Float
     cosine: mi.Float
 
-    def sample(self, u: mi.UInt32, active=True) -> mi.Float:
+    def sample(self, u: mi.UInt32, active: mi.Bool | bool = True) -> mi.Float:
         """zgl of sample u; BACKGROUND outside of the map."""
         along = mi.Float(u)
         return texel(self.depth, self.w, self.map, dr.fma(along, self.cosine, self.x), dr.fma(along, self.sine, self.y), active)
 
 
-def texel(depth: mi.Float, w: int, map: mi.UInt32, x: mi.Float, y: mi.Float, active=True) -> mi.Float:
+def texel(depth: mi.Float, w: int, map: mi.UInt32, x: mi.Float, y: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
     """zgl of the texel nearest to (x, y), pixels; BACKGROUND outside of the map."""
     column, row = mi.Int32(dr.floor(x + 0.5)), mi.Int32(dr.floor(y + 0.5))
     inside = (column >= 0) & (row >= 0) & (column < w) & (row < w) & active
@@ -90,7 +96,7 @@ def texel(depth: mi.Float, w: int, map: mi.UInt32, x: mi.Float, y: mi.Float, act
 
 
 def row_at(depth: mi.Float, layout: Layout, index: mi.UInt32) -> Row:
-    """Row number `index` of all, in the order of their buffer."""
+    """The row with number `index`, in the order of their buffer."""
     turn = index // layout.w
     map = turn // layout.n
     sine, cosine = dr.sincos(mi.Float(turn - map * layout.n) * (dr.pi / layout.n))

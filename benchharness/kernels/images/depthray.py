@@ -1,10 +1,10 @@
 """Rays against depth maps: as segments of a map, met with its simplified rows or texel by texel (Popescu et al. 2006, 4.3).
 
 A ray is clipped to the map's frustum in the camera's space, before it is projected: what starts behind the camera or crosses
-its plane is then as good as any other. Its image is a segment a - b in (x, y, zgl), see `kernels.depthmap`, on which points at
-t in [0, 1] follow one another as on the ray, but not at its pace: `Segment.distance` undoes the perspective. A ray through the
-camera's centre has a point for an image and is no special case: sides are told by cross products, nothing is divided by the
-image's length.
+its plane is then as good as any other. Its image is a segment a - b in (x, y, zgl), see `kernels.images.depthmap`, on which
+points at t in [0, 1] follow one another as on the ray, but not at its pace: `Segment.distance` undoes the perspective. A ray
+through the camera's centre has a point for an image and is no special case: sides are told by cross products, nothing is
+divided by the image's length.
 
 The row nearest to the image is that of rotation round(angle n / pi) through its midpoint (`anchor` "mid"): it leaves the
 image by |ab| / 2 tan(pi / 2n) at most, half as far as the row through its start ("start"). Through neither does the
@@ -21,11 +21,15 @@ surface has a step: there it may join what stands apart.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels.images.depthmap import COVERED, Layout, texel
+from benchharness.kernels.images.depthmap import BACKGROUND, COVERED, Layout, texel
+
+Anchor = Literal["mid", "start"]
+"""Through which point of a ray's image its row goes."""
 
 POINT = 1e-6  # pixels: an image shorter than this has no angle
 FARTHEST = 1e30  # of a clipped ray's parameter
@@ -50,6 +54,7 @@ class Segment:
     active: mi.Bool
 
     def point(self, t: mi.Float) -> mi.Vector3f:
+        """(x, y, zgl) at t."""
         return dr.fma(t, self.b - self.a, self.a)
 
     def distance(self, t: mi.Float) -> mi.Float:
@@ -62,7 +67,7 @@ class Segment:
 class Hit:
     """The first hit of every lane: t on its segment and the point (x, y) of the map there, for looking up its texture.
 
-    work  segments tested (`meet_rows`) or texels read (`meet_texels`)
+    work    segments tested (`meet_rows`) or texels read (`meet_texels`)
     step    the hit is on a step
     hidden  t from which something may be missed, before the hit if there is one; inf for nowhere
     """
@@ -76,7 +81,15 @@ class Hit:
     hidden: mi.Float = field(default_factory=lambda: mi.Float(dr.inf))
 
 
-def project(cameras: mi.Float, w: int, map: mi.UInt32, o: mi.Point3f, d: mi.Vector3f, s_min=0.0, active=True) -> Segment:
+def project(
+    cameras: mi.Float,
+    w: int,
+    map: mi.UInt32,
+    o: mi.Point3f,
+    d: mi.Vector3f,
+    s_min: mi.Float | float = 0.0,
+    active: mi.Bool | bool = True,
+) -> Segment:
     """The ray o + s d for s >= s_min as map number `map` sees it. d need not have length 1."""
     active = mi.Bool(active)
     rows = [dr.gather(mi.Vector4f, cameras, 4 * map + k, active) for k in range(3)]
@@ -88,12 +101,16 @@ def project(cameras: mi.Float, w: int, map: mi.UInt32, o: mi.Point3f, d: mi.Vect
 
     # Clip to value + s rate >= 0 for every plane of the frustum.
     half = 0.5 * w
+    planes = (
+        (P.z - zn, D.z),
+        (zf - P.z, -D.z),
+        (focal * P.x + half * P.z, focal * D.x + half * D.z),
+        (half * P.z - focal * P.x, half * D.z - focal * D.x),
+        (focal * P.y + half * P.z, focal * D.y + half * D.z),
+        (half * P.z - focal * P.y, half * D.z - focal * D.y),
+    )
     low, high = mi.Float(s_min), mi.Float(FARTHEST)
-    for value, rate in (
-        (P.z - zn, D.z), (zf - P.z, -D.z),
-        (focal * P.x + half * P.z, focal * D.x + half * D.z), (half * P.z - focal * P.x, half * D.z - focal * D.x),
-        (focal * P.y + half * P.z, focal * D.y + half * D.z), (half * P.z - focal * P.y, half * D.z - focal * D.y),
-    ):  # fmt: skip
+    for value, rate in planes:
         crossing = dr.clip(-value / dr.select(rate == 0, 1, rate), -FARTHEST, FARTHEST)
         low = dr.select(rate > 0, dr.maximum(low, crossing), low)
         high = dr.select(rate < 0, dr.minimum(high, crossing), high)
@@ -104,18 +121,19 @@ def project(cameras: mi.Float, w: int, map: mi.UInt32, o: mi.Point3f, d: mi.Vect
     c = 0.5 * (w - 1)
     scale = dr.rcp(dr.rcp(zn) - dr.rcp(zf))
 
-    def pixel(s: mi.Float) -> tuple[mi.Vector3f, mi.Float]:
+    def seen(s: mi.Float) -> tuple[mi.Vector3f, mi.Float]:
+        """(x, y, zgl) and Z."""
         q = dr.fma(D, s, P)
         Z = dr.clip(q.z, zn, zf)
         edge = mi.Vector3f(dr.fma(focal, q.x / Z, c), dr.fma(focal, q.y / Z, c), (dr.rcp(zn) - dr.rcp(Z)) * scale)
         return dr.clip(edge, mi.Vector3f(-0.5, -0.5, 0), mi.Vector3f(w - 0.5, w - 0.5, 1)), Z
 
-    (a, Z_a), (b, Z_b) = pixel(low), pixel(high)
+    (a, Z_a), (b, Z_b) = seen(low), seen(high)
     return Segment(a, b, low, high, Z_a, Z_b, map, active)
 
 
-def row_of(segment: Segment, layout: Layout, anchor: str):
-    """The row nearest to a segment's image. Returns its index in the buffer, whether there is one, and u of a and of b."""
+def row_of(segment: Segment, layout: Layout, anchor: Anchor) -> tuple[mi.UInt32, mi.Bool, mi.Float, mi.Float]:
+    """The row nearest to a segment's image: its index in the buffer, whether there is one, and u of a and of b."""
     assert anchor in ("mid", "start"), anchor
     along = segment.b - segment.a
     is_point = along.x * along.x + along.y * along.y < POINT * POINT
@@ -127,6 +145,7 @@ def row_of(segment: Segment, layout: Layout, anchor: str):
     c = 0.5 * (layout.w - 1)
 
     def u(q: mi.Vector3f) -> mi.Float:
+        """How far along the row a point is, samples."""
         return (q.x - c) * cosine + (q.y - c) * sine + c
 
     q = segment.a if anchor == "start" else 0.5 * (segment.a + segment.b)
@@ -138,17 +157,28 @@ def row_of(segment: Segment, layout: Layout, anchor: str):
 
 @dr.syntax
 def meet_rows(
-    segment: Segment, rows: mi.Float, layout: Layout, anchor: str = "mid", both_sides: bool = False, dropped=None
+    segment: Segment,
+    rows: mi.Float,
+    layout: Layout,
+    anchor: Anchor = "mid",
+    both_sides: bool = False,
+    dropped: mi.UInt32 | None = None,
 ) -> Hit:
-    """Where rays first meet the simplified row that lies nearest to them. `dropped`: spans that have no room, per row."""
+    """Where rays first meet the simplified row that lies nearest to them.
+
+    both_sides  they hit from behind the surface too
+    dropped     spans that have no room, per row; None: that does not count
+    """
     row, active, u_a, u_b = row_of(segment, layout, anchor)
     du, dz = u_b - u_a, segment.b.z - segment.a.z
     u_start, u_end = dr.minimum(u_a, u_b), dr.maximum(u_a, u_b)
     onward = du > 0
-    is_step, is_hidden, u_hidden = mi.Bool(False), mi.Bool(False), mi.Float(0)
-    t, found = mi.Float(1), mi.Bool(False)
-    tests, packet = mi.UInt32(0), mi.UInt32(0)
-    u, zgl, is_up = mi.Float(layout.w), mi.Float(2), mi.Bool(True)
+    t, found = mi.Float(1), mi.Bool(False)  # the first hit so far
+    is_step = mi.Bool(False)  # whether it is on a step
+    is_hidden, u_hidden = mi.Bool(False), mi.Float(0)  # whether the ray runs behind the surface before it, and from where on
+    u, zgl, is_up = mi.Float(layout.w), mi.Float(BACKGROUND), mi.Bool(True)  # the last point, and whether the pen is lifted
+    tests = mi.UInt32(0)  # segments tested
+    packet = mi.UInt32(0)  # two points each
     while dr.hint(active & (packet < layout.m // 2), label="walk a simplified row"):
         two = dr.gather(mi.Vector4f, rows, row * (layout.m // 2) + packet, active)
         for u_code, zgl_new in ((two.x, two.y), (two.z, two.w)):
@@ -202,14 +232,18 @@ def meet_texels(segment: Segment, depth: mi.Float, w: int, split_jump: float | N
     """Where rays first meet the map itself, looked at in steps of a texel along their images: slow and plain.
 
     split_jump  where neighbouring samples differ by more than this, nothing joins them; None or 0: all are joined
+    both_sides  they hit from behind the surface too
     """
     along = segment.b - segment.a
     steps = dr.maximum(mi.UInt32(dr.ceil(dr.maximum(dr.abs(along.x), dr.abs(along.y)))), 1)
     step = dr.rcp(mi.Float(steps))
-    t, found = mi.Float(1), mi.Bool(False)
-    reads, k, run = mi.UInt32(0), mi.UInt32(0), mi.UInt32(0)
-    before, gap_before = mi.Float(2), mi.Float(0)
-    is_step, hidden = mi.Bool(False), mi.Float(dr.inf)
+    t, found = mi.Float(1), mi.Bool(False)  # the hit
+    is_step = mi.Bool(False)  # whether it is on a step
+    hidden = mi.Float(dr.inf)  # from where on the ray is behind the surface
+    before, gap_before = mi.Float(BACKGROUND), mi.Float(0)  # the last sample, and how far the ray was behind it
+    run = mi.UInt32(0)  # samples joined up to that one
+    reads = mi.UInt32(0)  # texels read
+    k = mi.UInt32(0)  # steps
     active = mi.Bool(segment.active)
     while dr.hint(active & (k <= steps + 1), label="walk the texels of a ray"):
         t_k = mi.Float(k) * step

@@ -1,4 +1,4 @@
-"""Rotated rows of depth maps as polylines of few points (Popescu et al. 2006, section 4.2; layout: `kernels.depthmap`).
+"""Rotated rows of depth maps as polylines of few points (Popescu et al. 2006, section 4.2; layout: `kernels.images.depthmap`).
 
 Every span of a row begins as one segment. The segment with the worst sample is split there, until the row has m points or the
 polyline goes through all samples. A row with more than m / 2 spans keeps the longest. One lane per row, and no row is kept:
@@ -15,7 +15,7 @@ import mitsuba as mi
 from benchharness.kernels.images.depthmap import BACKGROUND, COVERED, Layout, Row, row_at
 
 ROUNDING = 1e-6  # zgl: errors of a polyline below this are float32's, and split nothing
-NONE = 0xFFFFFFFF
+NONE = 0xFFFF_FFFF  # no segment
 
 
 @dataclass
@@ -49,9 +49,10 @@ def build(depth: mi.Float, layout: Layout, split_jump: float | None = None) -> t
 def _spans(row: Row, segments: Segments, room: int, split_jump: float) -> tuple[mi.UInt32, mi.UInt32]:
     """The longest spans of the row in their order, `room` at most, the first of equals. Returns (kept, dropped)."""
     lanes = dr.width(row.x)
-    u, first = mi.UInt32(0), mi.UInt32(0)
-    kept, dropped = dr.zeros(mi.UInt32, lanes), mi.UInt32(0)
-    before = mi.Float(BACKGROUND)
+    u = mi.UInt32(0)  # the sample
+    before = mi.Float(BACKGROUND)  # the one before it
+    first = mi.UInt32(0)  # where the span began
+    kept, dropped = dr.zeros(mi.UInt32, lanes), mi.UInt32(0)  # spans so far
     while dr.hint(u <= row.w, label="find the spans of a row"):
         zgl = row.sample(u, u < row.w)
         covered, was_covered = zgl < COVERED, before < COVERED
@@ -91,7 +92,7 @@ def _spans(row: Row, segments: Segments, room: int, split_jump: float) -> tuple[
 
 
 @dr.syntax
-def _scan(row: Row, first, middle, last):
+def _scan(row: Row, first: mi.UInt32, middle: mi.UInt32, last: mi.UInt32) -> tuple[mi.UInt32, mi.Float, mi.UInt32, mi.Float]:
     """The worst samples of the polyline first - middle - last: (sample, error) of either part, in zgl."""
     z_first, z_middle, z_last = row.sample(first), row.sample(middle), row.sample(last)
     slope_left = (z_middle - z_first) / mi.Float(dr.maximum(middle - first, 1))
@@ -139,10 +140,14 @@ def _refine(row: Row, segments: Segments, spans: mi.UInt32, m: int) -> None:
         first, middle, last = (part.read(worst, running) for part in (segments.first, segments.worst, segments.last))
         left, error_left, right, error_right = _scan(row, first, middle, last)
         following = segments.following.read(worst, running)
-        for part, of_left, of_right in (
-            (segments.first, first, middle), (segments.last, middle, last), (segments.worst, left, right),
-            (segments.error, error_left, error_right), (segments.following, count, following),
-        ):  # fmt: skip
+        halves = (
+            (segments.first, first, middle),
+            (segments.last, middle, last),
+            (segments.worst, left, right),
+            (segments.error, error_left, error_right),
+            (segments.following, count, following),
+        )
+        for part, of_left, of_right in halves:
             part.write(of_right, count, running)
             part.write(of_left, worst, running)
         count += dr.select(running, 1, 0)

@@ -22,14 +22,13 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from benchharness.kernels.images import impostor
+from benchharness.kernels.images.candidates import Listed
+from benchharness.kernels.types import SceneLike
 
 NEAR_WALL = 0.02  # of a room's size: as near as this to a wall, a flat object belongs to it
 
 WIDEST_DEG = 75.0  # of the cone around a part, seen from a mirror, from its axis: what is wider goes around the mirror
 DISTANT = 2.0  # radii of a mirror: what goes around it nearer than this has too much parallax for an environment map
-
-Listed = tuple[list[int], list[int]]
-"""What a mirror shows of one kind: slots of objects, slots of mirrors."""
 
 
 @dataclass(frozen=True)
@@ -78,16 +77,17 @@ class Plan:
 
     @property
     def plane_slots(self) -> int:
+        """How many slots are planes'."""
         return sum(slot.mirror is None for slot in self.slots)
 
     @property
     def deep_slots(self) -> list[int]:
-        """Those that are shown as depth maps, ascending."""
+        """The slots that are shown as depth maps, ascending."""
         return sorted({slot for objects, mirrors in self.maps for slot in (*objects, *mirrors)})
 
 
-def plan(scene, maps: int, own_maps: int, mirrors: bool, ground: int | None) -> Plan:
-    """The roles of all parts of a `benchharness.scene.Scene` at its start.
+def plan(scene: SceneLike, *, maps: int = 0, own_maps: int = 0, mirrors: bool = True, ground: int | None = None) -> Plan:
+    """The roles of all parts of a scene at its start.
 
     maps      depth maps per part and mirror; 0 for billboards
     own_maps  depth maps of each mirror for itself
@@ -109,7 +109,17 @@ def plan(scene, maps: int, own_maps: int, mirrors: bool, ground: int | None) -> 
     in_plane = {n: _added(slots, Slot(n, None)) for n in flat}
     around = set().union(*enclosing)
     bounds = {n for n in in_plane if n < objects and any(_reaches(points[n], hulls[room], points[room]) for room in around)}
-    result = Plan(shapes, objects, slots, [], [], [], enclosing, bounds, ground)
+    result = Plan(
+        shapes=shapes,
+        objects=objects,
+        slots=slots,
+        planes=[],
+        quads=[],
+        maps=[],
+        enclosing=enclosing,
+        bounds=bounds,
+        ground=ground,
+    )
     for number, mirror in enumerate(own):
         planes, quads, depths = ([], []), ([], []), ([], [])
         for n in shown:
@@ -130,6 +140,7 @@ def plan(scene, maps: int, own_maps: int, mirrors: bool, ground: int | None) -> 
 
 
 def _added(slots: list[Slot], slot: Slot) -> int:
+    """The number that a slot gets at the end of all."""
     slots.append(slot)
     return len(slots) - 1
 
@@ -179,11 +190,11 @@ def _reaches(points: np.ndarray, hull: np.ndarray, room: np.ndarray) -> bool:
 
 
 def _heights(hull: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Of points [N, 3] over the walls of a hull [F, 4]: negative inside, [N, F]."""
+    """Heights of points [N, 3] over the walls of a hull [F, 4]: negative inside, [N, F]."""
     return points @ hull[:, :3].T + hull[:, 3]
 
 
-def ground_of(scene) -> int | None:
+def ground_of(scene: SceneLike) -> int | None:
     """The number of the object that goes on in the panorama of a scene; None if none does."""
     if scene.environment is None or scene.environment.ground is None:
         return None

@@ -127,7 +127,7 @@ def mesh(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, backs: bo
     """From host arrays [V, 3], [V, 3], [F, 3] in object space. `backs`: whether an open mesh is a mirror on its back too."""
     zero = np.zeros((len(vertices), 1))
     packed = np.hstack([vertices, zero, normals, zero]).astype(np.float32)
-    tags = np.where(geometry.closed_faces(vertices, faces) | (not backs), raster.CLOSED, 0)
+    tags = np.where(geometry.oriented_closed_faces(vertices, faces) | (not backs), raster.CLOSED, 0)
     quads = np.hstack([faces, tags[:, None]]).astype(np.uint32)
     size = mi.Float(float(np.linalg.norm(np.ptp(vertices, axis=0))))
     centre = mi.Point3f(*(0.5 * (vertices.min(axis=0) + vertices.max(axis=0))).tolist())

@@ -55,7 +55,7 @@ class Seeds:
 def seeds(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, backs: bool = True) -> Seeds:
     """From host arrays as `newton.mesh` takes them."""
     chosen = newton.spread(vertices, faces, SEEDS)
-    both = np.full((len(chosen), 1), backs) & ~geometry.closed_faces(vertices, faces)[chosen][:, None]
+    both = np.full((len(chosen), 1), backs) & ~geometry.oriented_closed_faces(vertices, faces)[chosen][:, None]
     middle = vertices[faces[chosen]].mean(axis=1)
     normal = normals[faces[chosen]].sum(axis=1)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)

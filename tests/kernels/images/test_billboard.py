@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from oracles.billboard_oracle import SIZE, Quads, bilinear, device, quads, vectors
 
+from benchharness.kernels.differentials import RayDifferential
 from benchharness.kernels.images import billboard
+from benchharness.kernels.images.candidates import NONE, Ray
 
 
 def noise(*shape, seed=0):
@@ -65,33 +67,30 @@ def test_lookup_is_bilinear_in_the_nearest_level(mip):
 # Rays
 
 
-def still() -> billboard.Spread:
-    return billboard.Spread([mi.Vector3f(0), mi.Vector3f(0)], [mi.Vector3f(0), mi.Vector3f(0)])
+def still() -> RayDifferential:
+    return RayDifferential([mi.Vector3f(0), mi.Vector3f(0)], [mi.Vector3f(0), mi.Vector3f(0)])
 
 
-def met(made: Quads, mirror, o, d, least=0.0, columns=None, pictures=None, spread=None, before=None) -> billboard.Hit:
+def met(made: Quads, mirror, o, d, columns=None, pictures=None, differential=None, before=None) -> billboard.Hit:
     columns = made.lists.shape[1] if columns is None else columns
-    return billboard.nearest(
-        made.boards, pictures or made.pictures, columns, mi.UInt32(mirror), mi.Point3f(vectors(o)), vectors(d), mi.Float(least),
-        spread or still(), mi.Bool(True), before,
-    )  # fmt: skip
+    ray = Ray(mi.UInt32(mirror), mi.Point3f(vectors(o)), vectors(d), differential or still())
+    return billboard.nearest(made.boards, pictures or made.pictures, columns, ray, before or billboard.none())
 
 
-@pytest.mark.parametrize("least", [0.0, 0.8])
 @pytest.mark.parametrize("columns", [6, 4])
-def test_the_nearest_opaque_point_is_found_through_the_holes_of_others(least, columns):
+def test_the_nearest_opaque_point_is_found_through_the_holes_of_others(columns):
     made, rng, count = quads(), np.random.default_rng(5), 2000
     o = 2 * rng.normal(size=(count, 3))
     d = rng.uniform(-1, 1, (count, 3)) - o
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     mirror = rng.integers(0, 2, count)
-    hit = met(made, mirror, o, d, least, columns)
+    hit = met(made, mirror, o, d, columns)
     t, slot, value, tests = np.array(hit.t), np.array(hit.slot), np.array(hit.value).T, np.array(hit.tests)
-    answers = [made.nearest(*ray, least, columns) for ray in zip(mirror, o, d, strict=True)]
+    answers = [made.nearest(*ray, columns) for ray in zip(mirror, o, d, strict=True)]
     clear = np.array([a[4] > 1e-4 for a in answers])
     assert clear.mean() > 0.97
     true_t, true_slot = np.array([a[0] for a in answers]), np.array([a[1] for a in answers])
-    np.testing.assert_array_equal(np.where(slot == billboard.NONE, -1, slot.astype(int))[clear], true_slot[clear])
+    np.testing.assert_array_equal(np.where(slot == NONE, -1, slot.astype(int))[clear], true_slot[clear])
     found = clear & (true_slot >= 0)
     assert 200 < found.sum() < count - 200
     np.testing.assert_allclose(t[found], true_t[found], rtol=2e-4)
@@ -168,7 +167,7 @@ def test_rays_that_part_are_as_far_apart_as_the_nearer_of_both_neighbours():
     starts = [mi.Vector3f(0.1, 0, 0), mi.Vector3f(0, 0.05, 0)]
     turns = [mi.Vector3f(0.0, 0.2, 0), mi.Vector3f(0, -0.05, 0.0)]
     t = np.array([0.0, 1.0, 3.0])
-    apart = np.array(billboard.Spread(starts, turns).at(device(t)))
+    apart = np.array(RayDifferential(starts, turns).footprint(device(t)))
     np.testing.assert_allclose(apart, np.minimum(np.hypot(0.1, 0.2 * t), np.abs(0.05 - 0.05 * t)), atol=1e-6)
 
 
@@ -178,8 +177,10 @@ def test_a_ray_whose_neighbours_are_far_sees_a_coarser_level():
     pictures = billboard.Pictures(billboard.with_levels(device(texels), SIZE), SIZE, True)
     for level in (0, 1, 2):
         apart = 2.0**level * 2 / SIZE
-        spread = billboard.Spread([mi.Vector3f(apart, 0, 0), mi.Vector3f(0, 3 * apart, 0)], [mi.Vector3f(0), mi.Vector3f(0)])
-        hit = met(made, [0], [(0.31, -0.42, 1.0)], [(0, 0, -1.0)], pictures=pictures, spread=spread)
+        differential = RayDifferential(
+            [mi.Vector3f(apart, 0, 0), mi.Vector3f(0, 3 * apart, 0)], [mi.Vector3f(0), mi.Vector3f(0)]
+        )
+        hit = met(made, [0], [(0.31, -0.42, 1.0)], [(0, 0, -1.0)], pictures=pictures, differential=differential)
         expected = bilinear(pyramid(texels)[level], 0.31, -0.42 * made.b[0, 1])
         np.testing.assert_allclose(np.array(hit.value).ravel(), expected, atol=1e-5)
 

@@ -325,7 +325,7 @@ def test_nothing_is_ever_not_a_number():
     results = [segment.a, segment.b, segment.s_a, segment.s_b, segment.Z_a, segment.Z_b]
     for both_sides in (False, True):
         for anchor in ("mid", "start"):
-            hit = depthray.meet_rows(segment, rows, layout, anchor, both_sides)
+            hit = depthray.meet_rows(segment, rows, layout, anchor, both_sides=both_sides)
             results += [hit.t, hit.x, hit.y, segment.distance(hit.t)]
         hit = depthray.meet_texels(segment, device(depth), 64, both_sides=both_sides)
         results += [hit.t, hit.x, hit.y, segment.distance(hit.t)]

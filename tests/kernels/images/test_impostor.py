@@ -1,10 +1,9 @@
-"""Cameras that take pictures of a scene's parts: where they stand, and what is in the pictures, against rays in float64."""
+"""Cameras that take pictures of a scene's parts: where they camera, and what is in the pictures, against rays in float64."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from support.mirror_room import ball, plain
 from support.small_room import box, quad, sphere
 
 from benchharness.kernels import geometry
-from benchharness.kernels.images import impostor
+from benchharness.kernels.images import capture, impostor
 from benchharness.kernels.images.depthmap import BACKGROUND
 from benchharness.scene import Mesh, merged, subdivided
 
@@ -32,36 +31,34 @@ def of(mesh: Mesh) -> impostor.Shape:
     return impostor.shape_of(mesh.vertices, mesh.faces)
 
 
-def points_of(stand: impostor.Stand, size: int = SIZE) -> np.ndarray:
+def points_of(camera: impostor.ImpostorCamera, size: int = SIZE) -> np.ndarray:
     """Where the middles of the texels lie on the billboard, [size, size, 3]."""
     x = (np.arange(size) + 0.5) / size * 2 - 1
-    across, down = x[None, :, None] * stand.half[0] * stand.a, x[:, None, None] * stand.half[1] * stand.b
-    return stand.centre + across + down
+    across, down = x[None, :, None] * camera.half[0] * camera.a, x[:, None, None] * camera.half[1] * camera.b
+    return camera.centre + across + down
 
 
-def to_ball(stand: impostor.Stand, centre=CENTRE, radius=RADIUS, size: int = SIZE):
+def to_ball(camera: impostor.ImpostorCamera, centre=CENTRE, radius=RADIUS, size: int = SIZE):
     """What the texels' rays meet of a ball: [size, size, 3] points, NaN where nothing."""
-    d = points_of(stand, size) - stand.eye
+    d = points_of(camera, size) - camera.eye
     d /= np.linalg.norm(d, axis=-1, keepdims=True)
-    from_centre = stand.eye - centre
+    from_centre = camera.eye - centre
     b = d @ from_centre
     root = b * b - (from_centre @ from_centre - radius**2)
     with np.errstate(invalid="ignore"):
-        return stand.eye + (-b - np.sqrt(root))[..., None] * d
+        return camera.eye + (-b - np.sqrt(root))[..., None] * d
 
 
-def taken(mesh: Mesh, stand: impostor.Stand, size: int = SIZE, mirror: bool = False, pose=None):
+def taken(mesh: Mesh, camera: impostor.ImpostorCamera, size: int = SIZE, mirror: bool = False, pose=None):
     """The picture [size, size, 4] and its depth map [size, size] of the second of two parts that stands at `pose`."""
-    aside = ball(5.0, stand.centre, (9.0, 9.0, 9.0), 1)  # around everything: to be left out
+    aside = ball(5.0, camera.centre, (9.0, 9.0, 9.0), 1)  # around everything: to be left out
     value = mesh.normals if mirror else mesh.radiance
     triangles = geometry.upload([(m.vertices, np.asarray(v), m.faces) for m, v in ((aside, aside.radiance), (mesh, value))])
     poses = np.stack([np.eye(3, 4), np.eye(3, 4) if pose is None else pose]).astype(np.float32)
     world = geometry.placed_seen(triangles, mi.Float(poses.ravel()), 1 if mirror else 2)
-    faces, count = impostor.faces_of(triangles, 1)
+    faces, count = capture.faces_of(triangles, 1)
     assert count == len(mesh.faces)
-    depths, viewer = mi.Vector2f(stand.near, stand.far), mi.Point3f(*map(float, stand.eye))
-    dr.make_opaque(depths, viewer)
-    texels, depth = impostor.picture(world, faces, count, impostor.window(stand, size), viewer, depths, mirror)
+    texels, depth = capture.picture(world, faces, count, capture.on_device(camera, size, camera.eye), mirror=mirror)
     return np.array(texels).reshape(size, size, 4), np.array(depth).reshape(size, size)
 
 
@@ -101,8 +98,8 @@ def test_a_rod_has_no_plane_of_its_own(wide, flat):
 def test_what_has_no_area_has_no_plane_and_a_camera_all_the_same(corners):
     shape = of(Mesh(np.array(corners, float), [[0, 1, 2]]))
     assert shape.plane is None and shape.radius > 0
-    stand = impostor.facing(shape, np.array([0.3, 1.0, 0.1]))
-    assert np.isfinite([*stand.eye, *stand.half, stand.near, stand.far]).all() and min(stand.half) > 0
+    camera = impostor.facing(shape, np.array([0.3, 1.0, 0.1]))
+    assert np.isfinite([*camera.eye, *camera.half, camera.near, camera.far]).all() and min(camera.half) > 0
 
 
 def test_the_rectangle_of_a_flat_shape_is_its_smallest_and_lies_in_its_middle():
@@ -129,28 +126,28 @@ def test_the_rectangle_of_a_flat_shape_is_its_smallest_and_lies_in_its_middle():
 @pytest.mark.parametrize("towards", TOWARDS)
 def test_the_sphere_around_a_part_touches_the_sides_of_what_the_camera_sees(towards):
     shape = of(ball(RADIUS, CENTRE, (1, 1, 1)))
-    stand = impostor.facing(shape, np.array(towards))
-    np.testing.assert_allclose(stand.k, np.array(towards) / np.linalg.norm(towards))
-    axes = np.stack([stand.a, stand.b, -stand.k])
+    camera = impostor.facing(shape, np.array(towards))
+    np.testing.assert_allclose(camera.k, np.array(towards) / np.linalg.norm(towards))
+    axes = np.stack([camera.a, camera.b, -camera.k])
     np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
-    np.testing.assert_allclose(np.cross(stand.a, stand.b), -stand.k, atol=1e-12)
-    np.testing.assert_allclose(stand.centre, shape.centroid)
-    assert stand.distance == pytest.approx(shape.radius / np.sin(HALF_ANGLE))
-    assert stand.half == pytest.approx((shape.radius / np.cos(HALF_ANGLE),) * 2)
-    np.testing.assert_allclose(stand.eye, shape.centroid + stand.distance * stand.k)
-    for side in (stand.half[0] * stand.a, stand.half[1] * stand.b):
+    np.testing.assert_allclose(np.cross(camera.a, camera.b), -camera.k, atol=1e-12)
+    np.testing.assert_allclose(camera.centre, shape.centroid)
+    assert camera.distance == pytest.approx(shape.radius / np.sin(HALF_ANGLE))
+    assert camera.half == pytest.approx((shape.radius / np.cos(HALF_ANGLE),) * 2)
+    np.testing.assert_allclose(camera.eye, shape.centroid + camera.distance * camera.k)
+    for side in (camera.half[0] * camera.a, camera.half[1] * camera.b):
         # The distance of the middle from the line through the eye and the middle of a side.
-        along = stand.centre + side - stand.eye
-        off = stand.centre - stand.eye - along * ((stand.centre - stand.eye) @ along) / (along @ along)
+        along = camera.centre + side - camera.eye
+        off = camera.centre - camera.eye - along * ((camera.centre - camera.eye) @ along) / (along @ along)
         assert np.linalg.norm(off) == pytest.approx(shape.radius)
-    depth = (shape.vertices - stand.eye) @ -stand.k
-    assert 0 < depth.min() - stand.near < 1e-3 * shape.radius and 0 < stand.far - depth.max() < 1e-3 * shape.radius
+    depth = (shape.vertices - camera.eye) @ -camera.k
+    assert 0 < depth.min() - camera.near < 1e-3 * shape.radius and 0 < camera.far - depth.max() < 1e-3 * shape.radius
 
 
 def test_a_mirror_at_the_middle_of_a_part_looks_at_it_from_above():
-    stand = impostor.facing(of(ball(RADIUS, CENTRE, (1, 1, 1))), np.zeros(3))
-    np.testing.assert_allclose(stand.k, (0, 0, 1))
-    assert np.isfinite([*stand.a, *stand.b, *stand.eye]).all()
+    camera = impostor.facing(of(ball(RADIUS, CENTRE, (1, 1, 1))), np.zeros(3))
+    np.testing.assert_allclose(camera.k, (0, 0, 1))
+    assert np.isfinite([*camera.a, *camera.b, *camera.eye]).all()
 
 
 # Pictures
@@ -161,19 +158,19 @@ def test_a_mirror_at_the_middle_of_a_part_looks_at_it_from_above():
 def test_a_ball_is_a_disc_of_the_right_size_with_the_right_depth(towards, wider):
     mesh = ball(RADIUS, CENTRE, (0.2, 0.7, 0.4), 4)
     shape = of(mesh)
-    stand = impostor.facing(replace(shape, radius=wider * shape.radius), np.array(towards))
-    texels, depth = taken(mesh, stand)
+    camera = impostor.facing(replace(shape, radius=wider * shape.radius), np.array(towards))
+    texels, depth = taken(mesh, camera)
     seen = texels[..., 3] == 1
     assert set(np.unique(texels[..., 3])) <= {0.0, 1.0}
-    disc = 0.5 * SIZE * np.tan(np.arcsin(RADIUS / stand.distance)) / np.tan(HALF_ANGLE)  # radius, texels
+    disc = 0.5 * SIZE * np.tan(np.arcsin(RADIUS / camera.distance)) / np.tan(HALF_ANGLE)  # radius, texels
     assert seen.sum() == pytest.approx(np.pi * disc**2, rel=0.04)
     x = np.arange(SIZE) + 0.5 - SIZE / 2
     r = np.hypot(x[None], x[:, None])
     assert seen[r < disc - 0.5].all() and not seen[r > disc + 0.1].any()
     np.testing.assert_allclose(texels[seen], np.tile((0.2, 0.7, 0.4, 1.0), (seen.sum(), 1)), atol=1e-6)
     assert (texels[~seen] == 0).all() and (depth[~seen] == BACKGROUND).all()
-    z = (to_ball(stand)[seen & (r < disc - 1)] - stand.eye) @ -stand.k
-    zgl = (1 / stand.near - 1 / z) / (1 / stand.near - 1 / stand.far)
+    z = (to_ball(camera)[seen & (r < disc - 1)] - camera.eye) @ -camera.k
+    zgl = (1 / camera.near - 1 / z) / (1 / camera.near - 1 / camera.far)
     np.testing.assert_allclose(depth[seen & (r < disc - 1)], zgl, atol=3e-3)  # facets
     assert depth[seen].min() >= 0 and depth[seen].max() <= 1
 
@@ -181,9 +178,9 @@ def test_a_ball_is_a_disc_of_the_right_size_with_the_right_depth(towards, wider)
 @pytest.mark.parametrize("towards", TOWARDS)
 def test_the_picture_of_a_mirror_is_its_normals_in_the_axes_of_the_camera(towards):
     mesh = sphere(RADIUS, CENTRE, slices=128, stacks=64)
-    stand = impostor.facing(of(mesh), np.array(towards))
-    texels, _ = taken(mesh, stand, mirror=True)
-    expected = (to_ball(stand) - CENTRE) / RADIUS @ np.stack([stand.a, stand.b, stand.k]).T
+    camera = impostor.facing(of(mesh), np.array(towards))
+    texels, _ = taken(mesh, camera, mirror=True)
+    expected = (to_ball(camera) - CENTRE) / RADIUS @ np.stack([camera.a, camera.b, camera.k]).T
     seen = (texels[..., 3] == 1) & np.isfinite(expected).all(axis=-1)
     assert seen.sum() > 0.75 * SIZE**2
     np.testing.assert_allclose(np.linalg.norm(texels[seen][:, :3], axis=1), 1, atol=1e-5)
@@ -195,9 +192,9 @@ def test_the_picture_of_a_mirror_is_its_normals_in_the_axes_of_the_camera(toward
 @pytest.mark.parametrize("mirror", [False, True])
 def test_a_part_that_is_carried_with_its_camera_has_the_same_picture(mirror):
     mesh = merged(ball(RADIUS, CENTRE, (0.2, 0.7, 0.4)), ball(0.1, (0.0, 0.1, 0.5), (0.9, 0.1, 0.1)))
-    stand = impostor.facing(of(mesh), np.array((0.3, -0.8, 0.2)))
-    one, depth = taken(mesh, stand, mirror=mirror)
-    other, depth_there = taken(mesh, stand.moved(rigid()), mirror=mirror, pose=rigid())
+    camera = impostor.facing(of(mesh), np.array((0.3, -0.8, 0.2)))
+    one, depth = taken(mesh, camera, mirror=mirror)
+    other, depth_there = taken(mesh, camera.moved(rigid()), mirror=mirror, pose=rigid())
     assert ((one[..., 3] > 0) != (other[..., 3] > 0)).sum() <= 4
     both = (one[..., 3] > 0) & (other[..., 3] > 0)
     assert both.sum() > 300
@@ -218,14 +215,14 @@ def test_the_picture_of_a_rectangle_is_upright_and_fills_itself(side, angle):
     flat = quad((-1, -0.4, 0), (2, 0, 0), (0, 0.8, 0))
     points = flat.vertices @ pose[:, :3].T + pose[:, 3]
     mesh = Mesh(points, flat.faces, radiance=gradient(points))
-    stand = impostor.on_plane(of(mesh), np.array(side))
-    assert sorted(stand.half) == pytest.approx([0.4, 1.0])
-    assert (np.array(side) - stand.centre) @ stand.k > 0
-    np.testing.assert_allclose(np.cross(stand.a, stand.b), -stand.k, atol=1e-9)
-    np.testing.assert_allclose(stand.centre, pose[:, 3], atol=1e-9)
-    texels, _ = taken(mesh, stand)
+    camera = impostor.on_plane(of(mesh), np.array(side))
+    assert sorted(camera.half) == pytest.approx([0.4, 1.0])
+    assert (np.array(side) - camera.centre) @ camera.k > 0
+    np.testing.assert_allclose(np.cross(camera.a, camera.b), -camera.k, atol=1e-9)
+    np.testing.assert_allclose(camera.centre, pose[:, 3], atol=1e-9)
+    texels, _ = taken(mesh, camera)
     assert (texels[..., 3] == 1).all()
-    np.testing.assert_allclose(texels[..., :3], gradient(points_of(stand)), atol=2e-4)
+    np.testing.assert_allclose(texels[..., :3], gradient(points_of(camera)), atol=2e-4)
 
 
 @pytest.mark.parametrize("up", [1, -1])
@@ -233,21 +230,21 @@ def test_the_picture_of_a_rectangle_is_upright_and_fills_itself(side, angle):
 def test_a_slab_is_shown_as_the_side_of_it_that_faces_the_mirrors(thick, up):
     slab = box((-0.5, -0.3, 0.0), (0.5, 0.3, thick))
     mesh = replace(slab, radiance=gradient(slab.vertices))
-    stand = impostor.on_plane(of(mesh), np.array([0.2, 0.1, up * 3.0]))
-    np.testing.assert_allclose(stand.centre, (0, 0, thick if up > 0 else 0), atol=1e-9)
-    texels, _ = taken(mesh, stand)
+    camera = impostor.on_plane(of(mesh), np.array([0.2, 0.1, up * 3.0]))
+    np.testing.assert_allclose(camera.centre, (0, 0, thick if up > 0 else 0), atol=1e-9)
+    texels, _ = taken(mesh, camera)
     assert (texels[..., 3] == 1).all()
-    np.testing.assert_allclose(texels[..., :3], gradient(points_of(stand)), atol=1e-3)
+    np.testing.assert_allclose(texels[..., :3], gradient(points_of(camera)), atol=1e-3)
 
 
 def test_the_back_of_a_closed_part_is_not_in_its_picture_and_that_of_a_sheet_is():
     sheet = quad((-0.5, -0.5, 0), (1, 0, 0), (0, 1, 0))
-    stand = impostor.on_plane(of(sheet), np.array([0.0, 0.0, -3.0]))
-    texels, _ = taken(plain(sheet, (1, 0, 0)), stand)
+    camera = impostor.on_plane(of(sheet), np.array([0.0, 0.0, -3.0]))
+    texels, _ = taken(plain(sheet, (1, 0, 0)), camera)
     assert (texels[..., 3] == 1).all()  # from behind
     room = plain(box((-1, -1, -1), (1, 1, 1), inside=True), (1, 0, 0))
-    stand = impostor.facing(of(room), np.array([0.0, -1.0, 0.0]))
-    texels, depth = taken(room, stand)
+    camera = impostor.facing(of(room), np.array([0.0, -1.0, 0.0]))
+    texels, depth = taken(room, camera)
     seen = texels[..., 3] == 1
-    z = 1 / (1 / stand.near - depth[seen] * (1 / stand.near - 1 / stand.far))
-    assert np.abs(z - stand.distance - 1).min() < 1e-3 and z.min() > stand.distance - 0.999  # the front wall is not drawn
+    z = 1 / (1 / camera.near - depth[seen] * (1 / camera.near - 1 / camera.far))
+    assert np.abs(z - camera.distance - 1).min() < 1e-3 and z.min() > camera.distance - 0.999  # the front wall is not drawn
