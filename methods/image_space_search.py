@@ -21,7 +21,7 @@ Where we differ:
   its texel, which a mirror that moves or grows on the screen leaves behind.
 * `start = "pyramid"` lets a cold search begin with wide strides; the paper starts at the centre with single texels.
 * `multi` finds up to so many reflections per vertex: searches climb from texels spread over the mirror's picture, and triangles
-  join what belongs together (kernels.several, kernels.branches). Rays ask whether the mirror hides a reflection from the
+  join what belongs together (kernels.vertices.several, .branches). Rays ask whether the mirror hides a reflection from the
   eye or from the vertex. On a mirror of few texels many searches
   end between texels that agree too little to tell a reflection from none; what is within two degrees of it is drawn.
 * A vertex that starts on a texel that the reflector has left begins anew from the middle of the reflector's picture. So does,
@@ -42,7 +42,8 @@ from pydantic import Field
 from benchharness.api import Frame, Method, Reflection, Vertices, View
 from benchharness.kernels import optics, placement
 from benchharness.kernels.frozen import frozen
-from benchharness.kernels.vertices import branches, newton, search, several, vertexwise, virtual
+from benchharness.kernels.vertices import branches, mirrormesh, problems, search, several, sight, textures, vertexwise, virtual
+from benchharness.kernels.vertices.mirrormesh import MirrorMesh
 from benchharness.scene import Reflector, Scene
 
 COLD = 0xFFFF_FFFF
@@ -52,12 +53,10 @@ PYRAMID_STRIDE = 32  # texels; first stride of a cold search
 
 @dataclass
 class Options:
-    """The parameters that the kernels are compiled for."""
+    """The parameters that the kernels are compiled for, as `ImageSpaceSearch` has them. `pyramid`: start is "pyramid"."""
 
-    score: str
-    neighbourhood: str
+    search: search.Options
     placement: str
-    subtexel: bool
     hidden: str
     pyramid: bool
     warm: str
@@ -65,7 +64,7 @@ class Options:
 
 @dataclass
 class Ends:
-    """Where the searches of a frame ended, per vertex: codes of texels (`search.Window`; COLD for none), and points, 3 floats
+    """Where the searches of a frame ended, per vertex: codes of texels (`textures.Window`; COLD for none), and points, 3 floats
     each."""
 
     codes: mi.UInt32
@@ -78,11 +77,15 @@ class Ends:
 
 @dataclass
 class Mirror:
-    """One reflector: the mesh that its picture is of, the one that is seen of it, and where searches for several reflections
-    may start, None where there is one at most."""
+    """One reflector.
 
-    mesh: newton.Mesh
-    sheet: newton.Mesh
+    mesh   the mesh that its picture is of
+    sheet  the one that is seen of it
+    seeds  where searches for several reflections may start, None where there is one at most
+    """
+
+    mesh: MirrorMesh
+    sheet: MirrorMesh
     seeds: several.Seeds | None
 
 
@@ -155,143 +158,163 @@ class ImageSpaceSearch(Method):
         return replace(state, scenery=vertexwise.posed(state.scenery, frame))
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
-        options = Options(
-            self.score, self.neighbourhood, self.placement, self.subtexel, self.hidden, self.start == "pyramid", self.warm
-        )
-        warm = self.warm != "off" and state.view is not None
-        seen = state.scenery
-        count, shown_parts = seen.triangles.vertex_count, seen.parts_shown(self.other_mirrors)
-        doubted = dr.opaque(mi.UInt32, seen.objects) if frame.doubts else None
+        how = search.Options(self.score, self.neighbourhood, self.subtexel)
+        options = Options(how, self.placement, self.hidden, self.start == "pyramid", self.warm)
+        seen, last_view = state.scenery, None if self.warm == "off" else state.view
+        cold = None if last_view is not None else Ends.cold(seen.triangles.vertex_count)
         drawing = virtual.Drawing("cut" if self.hidden == "cut" else "keep")
 
-        def solve(i: int, part: mi.UInt32) -> vertexwise.Solved:
-            window = search.window(frame.view, frame.boxes[i], self.widening)
-            texels = search.render(frame.proxies[i], frame.poses, part, window.view)
-            mirror, pose = state.mirrors[i], placement.pose_of(frame.poses, part)
+        def solve(i: int, problem: problems.Problem) -> vertexwise.Solved:
+            mirror, proxy = state.mirrors[i], frame.proxies[i]
+            mesh, seeds, pose = mirror.mesh, mirror.seeds, problem.pose
+            window = textures.window(frame.view, frame.boxes[i], self.widening)
+            picture = textures.render(proxy, frame.poses, problem.part, window.view)
             own = branches.meeting(mirror.sheet, pose, self.self_reflection, frame.doubts)
-            if mirror.seeds is not None:
-                mesh, seeds = mirror.mesh, mirror.seeds
-                made, reads = _search_several(
-                    seen.world, shown_parts, mesh, seeds, texels, window, pose, part, frame.view,
-                    dr.opaque(mi.UInt32, self.max_iter), self.multi, options, doubted,
-                )  # fmt: skip
-                return branches.solved(made, mesh, seeds, pose, frame, i, part, self.hidden, own, {"texel_reads": reads})
-            last = state.ends[i] if warm else Ends.cold(count)
-            images, end, report, reads = _search(
-                seen.world.points, shown_parts, texels, window, part, frame.view, state.view if warm else frame.view,
-                last, count, dr.opaque(mi.UInt32, self.max_iter), options,
-                not mirror.mesh.convex, doubted,
-            )  # fmt: skip
-            picture, whole = virtual.Picture(texels, window.view), mirror.mesh.convex
-            return vertexwise.Solved(images, end, report, drawing, picture, None, whole, {"texel_reads": reads}, own=own)
+            if seeds is not None:
+                made, reads = _search_several(problem, mesh, seeds, picture, self.multi, options)
+                back = virtual.nearest_back(proxy, frame.poses, problem.part, frame.view) if seeds.closed else None
+                return branches.solved(made, sight.Shadow(mesh, pose), back, self.hidden, own, {"texel_reads": reads})
+            last = cold or state.ends[i]
+            assert last is not None
+            images, vertices, end, reads = _search(problem, picture, window, last, options, "one" if mesh.convex else "several")
+            return vertexwise.Solved(
+                images=images,
+                end=end,
+                vertices=vertices,
+                drawing=drawing,
+                hider=picture,
+                whole=mesh.convex,
+                counters={"texel_reads": reads},
+                own=own,
+            )
 
-        shown = vertexwise.shown(seen, frame, solve)
-        if self.multi == 1:
+        reflection, ends = vertexwise.shown(
+            seen, frame, solve, other_mirrors=self.other_mirrors, max_iter=self.max_iter, last_view=last_view
+        )
+        if self.multi == 1 and (found := reflection.vertices) is not None:
             sheets = [mirror.sheet for mirror in state.mirrors]
-            shown.report["valid"] = several.valid(sheets, seen.objects, frame, seen.world.points, shown.report)
-        vertices = Vertices(**shown.report, further=[Vertices(**report) for report in shown.further])
-        reflection = Reflection(shown.L, shown.distance, shown.found, vertices, shown.counters, shown.doubt)
-        return reflection, replace(state, ends=shown.ends, view=frame.view)
+            found.valid = several.valid(sheets, seen.objects, frame, seen.world.points, found)
+        return reflection, replace(state, ends=ends, view=frame.view)
 
 
 def _mirror(reflector: Reflector, multi: int) -> Mirror:
     """What its picture is of is the closed stand-in or the sheet. If that is convex, a vertex has one reflection."""
     sheet, mesh, backs = reflector.mesh, reflector.closed or reflector.mesh, reflector.closed is None
-    solid = newton.mesh(mesh.vertices, mesh.normals, mesh.faces, backs)
+    solid = mirrormesh.build(mesh.vertices, mesh.normals, mesh.faces, backs)
     if solid.convex:
         return Mirror(solid, solid, None)
-    open_ = solid if mesh is sheet else newton.mesh(sheet.vertices, sheet.normals, sheet.faces, backs)
+    open_ = solid if mesh is sheet else mirrormesh.build(sheet.vertices, sheet.normals, sheet.faces, backs)
     return Mirror(solid, open_, several.seeds(mesh.vertices, mesh.normals, mesh.faces, backs) if multi > 1 else None)
 
 
 @frozen
 def _search(
-    points, shown_parts, texels, window: search.Window, part, view: View, last_view: View, last, count: int, max_iter,
-    options: Options, several_roots: bool, doubted,
-):  # fmt: skip
-    """Virtual vertices, the texels where the searches ended, what is reported of each vertex, and texels read. `doubted`:
-    parts from this number on are mirrors, None where no doubt is asked for."""
-    camera = window.view
-    cold_column, cold_row = search.middle(texels, window)
-
-    # Start: where the last search ended, unless the view was cut or the reflector is not there any more.
-    lane, V, active = vertexwise.vertices(points, part, shown_parts, count)
-    column, row = window.texel(last.codes)
-    stays = (last.codes != COLD) & ~vertexwise.was_cut(view, last_view)
-    if options.warm == "point":
-        c, r, seen = search.texel_of(camera, dr.gather(mi.Point3f, last.points, lane))
-        seen &= search.fetch(texels, camera, c, r, stays & seen)[0]
-        column, row = dr.select(seen, c, column), dr.select(seen, r, row)
-    stays &= search.fetch(texels, camera, column, row, stays)[0]
-    column, row = dr.select(stays, column, cold_column), dr.select(stays, row, cold_row)
-    stride = dr.select(stays, 1, PYRAMID_STRIDE) if options.pyramid else mi.Int32(1)
-    found = search.find(
-        options.score, options.neighbourhood, options.subtexel, texels, camera, V, column, row, stride, active, max_iter
-    )
-    if several_roots:
-        # What began warm and came to nothing begins anew: the last frame's point may be a root of another kind.
-        lost = stays & ~found.converged & (found.residual > NEAR)
-        stride = dr.select(lost, PYRAMID_STRIDE, 1) if options.pyramid else mi.Int32(1)
-        again = search.find(
-            options.score, options.neighbourhood, options.subtexel, texels, camera, V, cold_column, cold_row, stride,
-            active & lost, max_iter,
-        )  # fmt: skip
-        iterations, reads = found.iterations + again.iterations, found.reads + again.reads
-        found = dr.select(lost, again, found)
-        found.iterations, found.reads = iterations, reads
+    problem: problems.Problem,
+    picture: textures.Texture,
+    window: textures.Window,
+    last: Ends,
+    options: Options,
+    roots: Literal["one", "several"],
+) -> tuple[virtual.Images, Vertices, Ends, mi.UInt32]:
+    """Virtual vertices, what was found of each vertex, the texels where the searches ended, and texels read. `roots`: how many
+    reflections a vertex may have."""
+    lane, V, _ = problem.vertices()
+    found = _found(problem, picture, window, last, options, roots)
     R, n, reflected, hidden = found.R, found.n, found.reflected, found.hidden
 
     # The image: behind the point for what is reflected, in front of the mirror for what is hidden.
-    image = optics.on_ray(V, R, camera.eye) if options.placement == "on_ray" else optics.mirrored(V, R, n)
+    image = optics.on_ray(V, R, picture.view.eye) if options.placement == "on_ray" else optics.mirrored(V, R, n)
     plane_R, plane_n = R, n
     if options.hidden in ("lookup", "full"):
-        c, r, seen = search.texel_of(camera, V)
+        c, r, seen = picture.seen_at(V)
         if options.hidden == "full":
-            c, r, *_ = search.climb(
-                "inverse", options.neighbourhood, texels, camera, V, c, r, mi.Int32(1), hidden & seen, max_iter
-            )
-        seen, P, N = search.fetch(texels, camera, c, r, hidden & seen)
+            inverse = replace(options.search, score="inverse")
+            start = search.Start(c, r, mi.Int32(1))
+            top = search.climb(inverse, picture, V, start, hidden & seen, problem.max_iter)
+            c, r = top.column, top.row
+        seen, P, N = picture.at(c, r, hidden & seen)
         plane_R, plane_n = dr.select(seen, P, R), dr.select(seen, N, n)
     image = dr.select(hidden, optics.mirrored(V, plane_R, plane_n), dr.select(reflected, image, V))
-    kind, region = vertexwise.kinds(reflected, hidden)
-    images = virtual.Images(
-        vertexwise.packets(image, kind, lane, count), vertexwise.packets(R, mi.Float(0), lane, count)
-    )  # fmt: skip
-
-    if doubted is not None:
-        unsure = reflected & ~found.converged & (found.residual > NEAR)
-        images.sure = vertexwise.sureness(n, unsure, points, lane, doubted, count)
-    report = {
-        "R": mi.Point3f(R), "n": mi.Normal3f(n), "virtual": mi.Point3f(image),
-        "converged": found.converged, "valid": found.valid, "region": region,
-        "iterations": found.iterations, "residual": found.residual, "border": found.border,
-    }  # fmt: skip
+    answer = problems.Answer(
+        R=R,
+        n=n,
+        image=image,
+        reflected=reflected,
+        hidden=hidden,
+        converged=found.converged,
+        unsure=reflected & ~found.converged & (found.residual > NEAR),
+        residual=found.residual,
+        iterations=found.iterations,
+        border=found.border,
+    )
+    images, vertices = problems.images_of(problem, answer)
+    vertices.valid = found.valid
     end = Ends(dr.select(reflected | hidden, window.code(found.column, found.row), COLD), mi.Float(0))
     if options.warm == "point":
-        end.points = dr.empty(mi.Float, 3 * count)
+        end.points = dr.empty(mi.Float, 3 * problem.count)
         dr.scatter(end.points, R, lane)
-    return images, end, report, found.reads
+    return images, vertices, end, found.reads
+
+
+def _found(
+    problem: problems.Problem,
+    picture: textures.Texture,
+    window: textures.Window,
+    last: Ends,
+    options: Options,
+    roots: Literal["one", "several"],
+) -> search.Found:
+    """What the search of every vertex ended with."""
+    cold_column, cold_row = textures.middle(picture, window)
+
+    # Start: where the last search ended, unless the view was cut or the reflector is not there any more.
+    lane, V, active = problem.vertices()
+    column, row = window.texel(last.codes)
+    stays = (last.codes != COLD) & ~problems.was_cut(problem.view, problem.last_view)
+    if options.warm == "point":
+        c, r, seen = picture.seen_at(dr.gather(mi.Point3f, last.points, lane))
+        seen &= picture.at(c, r, stays & seen)[0]
+        column, row = dr.select(seen, c, column), dr.select(seen, r, row)
+    stays &= picture.at(column, row, stays)[0]
+    stride = dr.select(stays, 1, PYRAMID_STRIDE) if options.pyramid else mi.Int32(1)
+    start = search.Start(dr.select(stays, column, cold_column), dr.select(stays, row, cold_row), stride)
+    found = search.find(options.search, picture, V, start, active, problem.max_iter)
+    if roots == "several":
+        # What began warm and came to nothing begins anew: the last frame's point may be a root of another kind.
+        lost = stays & ~found.converged & (found.residual > NEAR)
+        stride = dr.select(lost, PYRAMID_STRIDE, 1) if options.pyramid else mi.Int32(1)
+        start = search.Start(cold_column, cold_row, stride)
+        again = search.find(options.search, picture, V, start, active & lost, problem.max_iter)
+        iterations, reads = found.iterations + again.iterations, found.reads + again.reads
+        found = dr.select(lost, again, found)
+        found.iterations, found.reads = iterations, reads
+    return found
 
 
 @frozen
 def _search_several(
-    world, shown_parts, mesh: newton.Mesh, seeds, texels, window: search.Window, pose: list, part, view: View, max_iter,
-    multi: int, options: Options, doubted,
-):  # fmt: skip
-    """Virtual vertices, triangles and reports of several reflections per vertex, and texels read per vertex."""
-    camera, count = window.view, world.vertex_count
-    starts = several.begin(seeds, mesh, pose, view, world.points, part, shown_parts, count, multi)
-    column, row, seen = search.texel_of(camera, placement.point_to_world(pose, starts.P))
-    active = starts.active & search.fetch(texels, camera, column, row, starts.active & seen)[0]
-    found = search.find(
-        options.score, options.neighbourhood, options.subtexel, texels, camera, starts.V, column, row, mi.Int32(1), active,
-        max_iter,
-    )  # fmt: skip
-    R, n = placement.place(pose, found.R, view).V, placement.normal_to_mirror(pose, found.n)
-    near = found.valid | (found.reflected & (found.residual < NEAR))
-    ends = several.Ends(R, n, near, found.valid, found.residual, found.iterations, None)
-    several_found = several.finish(ends, starts, mesh, pose, view, count, multi)
-    made = branches.arranged(
-        several_found, mesh, pose, world, part, shown_parts, view, multi, doubted, mirrored=options.placement == "mirror"
+    problem: problems.Problem,
+    mesh: MirrorMesh,
+    seeds: several.Seeds,
+    picture: textures.Texture,
+    multi: int,
+    options: Options,
+) -> tuple[branches.Arranged, mi.UInt32]:
+    """Virtual vertices, triangles and what was found of several reflections per vertex, and texels read per vertex."""
+    pose = problem.pose
+    starts = several.begin(seeds, mesh, problem, multi)
+    column, row, seen = picture.seen_at(placement.point_to_world(pose, starts.P))
+    active = starts.active & picture.at(column, row, starts.active & seen)[0]
+    found = search.find(options.search, picture, starts.V, search.Start(column, row, mi.Int32(1)), active, problem.max_iter)
+    ends = several.Ends(
+        R=placement.mirror_frame(pose, found.R, problem.view).V,
+        n=placement.normal_to_mirror(pose, found.n),
+        reflected=found.valid | (found.reflected & (found.residual < NEAR)),
+        converged=found.valid,
+        residual=found.residual,
+        iterations=found.iterations,
+        on=None,
     )
-    return made, several.per_vertex(dr.select(active, found.reads, 0), count, multi)
+    several_found = several.finish(ends, starts, mesh, problem, multi)
+    made = branches.arranged(several_found, mesh, problem, multi, mirrored=options.placement == "mirror")
+    return made, several.per_vertex(dr.select(active, found.reads, 0), problem.count, multi)

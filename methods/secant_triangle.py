@@ -10,7 +10,7 @@ comes to. `multi` lifts that. Fails where triangles are long (images of edges ar
 may leave the mirror's visible side: its own test then says "not converged". Shows no second bounce.
 
 Where we differ:
-* The printed equation (1) is a transpose and has other zeros than the path's length: kernels.secant.
+* The printed equation (1) is a transpose and has other zeros than the path's length: kernels.vertices.secant.
 * `stop = "area"` is the paper's. A triangle that has become a sliver has no area and may be pixels long: "edge" asks for the
   longest edge.
 * `start = "near"` begins with a small triangle where a sphere would reflect V; the paper's begins with one as wide as the angle
@@ -26,8 +26,8 @@ Where we differ:
 * `depth = "screen_linear"` is the paper's: triangles span reflection points and are sorted by the distance to what is
   reflected, linear on the screen. "perspective" draws triangles in space, behind the mirror, where each image is.
 * `multi` finds up to so many reflections per vertex: triangles close in around points spread over the mirror, and the scene's
-  triangles join what belongs together (kernels.several, kernels.branches). Rays ask whether the mirror hides a reflection from
-  the eye or from the vertex.
+  triangles join what belongs together (kernels.vertices.several, .branches). Rays ask whether the mirror hides a reflection
+  from the eye or from the vertex.
 * On a mirror that is not convex, a root that the mirror hides from the eye is no reflection; and, with `own = "black"`, a ray
   per pixel asks whether the mirror meets itself: there it is black. The paper knows neither.
 * `self_occlusion`: the paper's test against the mirror's nearest back. A convex mirror cannot fail it and is not asked.
@@ -47,7 +47,21 @@ from pydantic import Field
 from benchharness.api import Frame, Method, Reflection, Vertices, View
 from benchharness.kernels import optics, placement
 from benchharness.kernels.frozen import frozen
-from benchharness.kernels.vertices import branches, newton, search, secant, several, starmap, vertexwise, virtual
+from benchharness.kernels.vertices import (
+    branches,
+    mirrormesh,
+    problems,
+    refinement,
+    search,
+    secant,
+    several,
+    sight,
+    starmap,
+    textures,
+    vertexwise,
+    virtual,
+)
+from benchharness.kernels.vertices.mirrormesh import MirrorMesh
 from benchharness.scene import Mesh, Reflector, Scene
 
 WIDENING = 1.25  # of tan(fov / 2), of the mirror's picture whose planes "emdt_mirror" mirrors in
@@ -56,7 +70,7 @@ FARTHEST = 4.0  # scene diagonals: longest distance that "screen_linear" tells a
 
 @dataclass
 class Options:
-    """The parameters that the kernels are compiled for."""
+    """The parameters that the kernels are compiled for; `newton`, `hidden` and `depth` as `SecantTriangle` has them."""
 
     search: secant.Options
     newton: str
@@ -65,14 +79,36 @@ class Options:
 
 
 @dataclass
+class Scale:
+    """The numbers of a search that are no part of the problem.
+
+    tau    pixels ("edge") or pixels squared ("area") at which a triangle is small
+    d_max  no reflected ray is longer, metres
+    """
+
+    tau: mi.Float
+    d_max: mi.Float
+
+
+@dataclass
 class Mirror:
-    """One reflector: as a function of direction, and as a mesh. `sheet`: what is seen of it, as a mesh; None if it is convex.
-    `seeds`: where searches for several reflections may start, None where there is one at most."""
+    """One reflector.
+
+    star   it as a function of direction
+    mesh   it as a mesh
+    sheet  what is seen of it, as a mesh; None if it is convex
+    seeds  where searches for several reflections may start, None where there is one at most
+    """
 
     star: starmap.StarMap
-    mesh: newton.Mesh
-    sheet: newton.Mesh | None
+    mesh: MirrorMesh
+    sheet: MirrorMesh | None
     seeds: several.Seeds | None
+
+    @property
+    def seen(self) -> MirrorMesh:
+        """What is seen of it, as a mesh."""
+        return self.mesh if self.sheet is None else self.sheet
 
 
 @dataclass
@@ -167,7 +203,7 @@ class SecantTriangle(Method):
         mirrors = []
         for reflector in scene.reflectors:
             star, mesh = _star(reflector, self.resolution)
-            walked, seeds = newton.mesh(mesh.vertices, mesh.normals, mesh.faces, backs=reflector.closed is None), None
+            walked, seeds = mirrormesh.build(mesh.vertices, mesh.normals, mesh.faces, backs=reflector.closed is None), None
             sheet = None if walked.convex else _sheet(reflector, mesh, walked)
             if self.multi > 1 and not walked.convex:
                 seeds = several.seeds(mesh.vertices, mesh.normals, mesh.faces, backs=reflector.closed is None)
@@ -181,57 +217,48 @@ class SecantTriangle(Method):
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         options = Options(secant.Options(self.residual, self.stop, self.start), self.newton, self.hidden, self.depth)
-        warm = self.warm and state.view is not None
-        seen = state.scenery
-        count, shown_parts = seen.triangles.vertex_count, seen.parts_shown(self.other_mirrors)
-        tau, max_iter = dr.opaque(mi.Float, self.tau), dr.opaque(mi.UInt32, self.max_iter)
-        doubted = dr.opaque(mi.UInt32, seen.objects) if frame.doubts else None
+        seen, last_view = state.scenery, state.view if self.warm else None
+        cold = None if last_view is not None else Ends.cold(seen.triangles.vertex_count)
+        scale = Scale(dr.opaque(mi.Float, self.tau), state.d_max)
         policy = {"cut": "cut", "drop": "drop", "emdt_mirror": "keep", "clamp": "keep"}[self.hidden]
 
-        def solve(i: int, part: mi.UInt32) -> vertexwise.Solved:
-            mirror, picture, back = state.mirrors[i], None, None
-            pose = placement.pose_of(frame.poses, part)
-            own = branches.meeting(
-                mirror.mesh if mirror.sheet is None else mirror.sheet, pose, self.self_reflection, frame.doubts
-            )
+        def solve(i: int, problem: problems.Problem) -> vertexwise.Solved:
+            mirror, pose, proxy = state.mirrors[i], problem.pose, frame.proxies[i]
+            own = branches.meeting(mirror.seen, pose, self.self_reflection, frame.doubts)
+            hider = sight.Shadow(mirror.mesh, pose)
+            closed = self.self_occlusion and mirror.mesh.closed and not mirror.mesh.convex
             if mirror.seeds is not None:
-                made, backtracks = _solve_several(
-                    seen.world,
-                    shown_parts,
-                    mirror,
-                    pose,
-                    part,
-                    frame.view,
-                    tau,
-                    max_iter,
-                    self.multi,
-                    options,
-                    doubted,
-                )
-                more = {"backtracks": backtracks}
-                return branches.solved(made, mirror.mesh, mirror.seeds, pose, frame, i, part, self.hidden, own, more)
+                closed = mirror.seeds.closed
+            back = virtual.nearest_back(proxy, frame.poses, problem.part, frame.view) if closed else None
+            if mirror.seeds is not None:
+                made, backtracks = _solve_several(problem, mirror, self.multi, scale, options)
+                return branches.solved(made, hider, back, self.hidden, own, {"backtracks": backtracks})
+            picture = None
             if self.hidden == "emdt_mirror":
-                window = search.window(frame.view, frame.boxes[i], WIDENING)
-                picture = (search.render(frame.proxies[i], frame.poses, part, window.view), window.view)
-            behind = self.self_occlusion and mirror.mesh.closed and not mirror.mesh.convex
-            if behind:
-                back = virtual.nearest_back(frame.proxies[i], frame.poses, part, frame.view)
-            images, end, report, backtracks = _solve(
-                seen.world.points, shown_parts, mirror, picture, pose, part, frame.view,
-                state.view if warm else frame.view, state.ends[i] if warm else Ends.cold(count), count, state.d_max, tau,
-                max_iter, options, doubted,
-            )  # fmt: skip
-            drawing = virtual.Drawing(policy, self.depth, behind)
-            hider, whole = newton.Shadow(mirror.mesh, pose), mirror.mesh.convex and self.hidden != "drop"
-            return vertexwise.Solved(images, end, report, drawing, hider, back, whole, {"backtracks": backtracks}, own=own)
+                camera = textures.window(frame.view, frame.boxes[i], WIDENING).view
+                picture = textures.render(proxy, frame.poses, problem.part, camera)
+            last = cold or state.ends[i]
+            assert last is not None
+            images, vertices, end, backtracks = _solve(problem, mirror, picture, last, scale, options)
+            return vertexwise.Solved(
+                images=images,
+                end=end,
+                vertices=vertices,
+                drawing=virtual.Drawing(policy, self.depth),
+                hider=hider,
+                back=back,
+                whole=mirror.mesh.convex and self.hidden != "drop",
+                counters={"backtracks": backtracks},
+                own=own,
+            )
 
-        shown = vertexwise.shown(seen, frame, solve)
-        if self.multi == 1:
-            meshes = [m.mesh if m.sheet is None else m.sheet for m in state.mirrors]
-            shown.report["valid"] = several.valid(meshes, seen.objects, frame, seen.world.points, shown.report)
-        vertices = Vertices(**shown.report, further=[Vertices(**report) for report in shown.further])
-        reflection = Reflection(shown.L, shown.distance, shown.found, vertices, shown.counters, shown.doubt)
-        return reflection, replace(state, ends=shown.ends, view=frame.view)
+        reflection, ends = vertexwise.shown(
+            seen, frame, solve, other_mirrors=self.other_mirrors, max_iter=self.max_iter, last_view=last_view
+        )
+        if self.multi == 1 and (found := reflection.vertices) is not None:
+            meshes = [mirror.seen for mirror in state.mirrors]
+            found.valid = several.valid(meshes, seen.objects, frame, seen.world.points, found)
+        return reflection, replace(state, ends=ends, view=frame.view)
 
 
 def _star(reflector: Reflector, resolution: int, make: Callable = starmap.build):
@@ -247,125 +274,104 @@ def _star(reflector: Reflector, resolution: int, make: Callable = starmap.build)
     return make(mesh.vertices, mesh.normals, mesh.faces, resolution), mesh
 
 
-def _sheet(reflector: Reflector, mesh: Mesh, walked: newton.Mesh) -> newton.Mesh:
+def _sheet(reflector: Reflector, mesh: Mesh, walked: MirrorMesh) -> MirrorMesh:
     """What is seen of a reflector; `walked` if that was made of it."""
     sheet = reflector.mesh
-    return walked if mesh is sheet else newton.mesh(sheet.vertices, sheet.normals, sheet.faces, reflector.closed is None)
+    return walked if mesh is sheet else mirrormesh.build(sheet.vertices, sheet.normals, sheet.faces, reflector.closed is None)
 
 
 @frozen
 def _solve(
-    points, shown_parts, mirror: Mirror, picture, pose: list, part, view: View, last_view: View, last: Ends, count: int, d_max,
-    tau, max_iter, options: Options, doubted,
-):  # fmt: skip
-    """Virtual vertices, where the searches ended, what is reported of each vertex, and how often a sample came back.
-    `doubted`: parts from this number on are mirrors, None where no doubt is asked for."""
+    problem: problems.Problem, mirror: Mirror, picture: textures.Texture | None, last: Ends, scale: Scale, options: Options
+) -> tuple[virtual.Images, Vertices, Ends, mi.UInt32]:
+    """Virtual vertices, what was found of each vertex, where the searches ended, and how often a sample came back."""
     star, mesh = mirror.star, mirror.mesh
-    lane, V, active = vertexwise.vertices(points, part, shown_parts, count)
-    where = placement.place(pose, V, view)
+    (lane, V, active), pose, view = problem.vertices(), problem.pose, problem.view
+    local = placement.mirror_frame(pose, V, view)
 
     # The mirror between eye and vertex hides it for certain if it is convex.
-    rays = options.newton != "off"
-    sight = newton.look_at(mesh, where, active) if rays else None
-    shadow = sight.shadow if sight is not None else mi.Bool(False)
+    seen = sight.look_at(mesh, local, active) if options.newton != "off" else None
+    shadow = mi.Bool(False) if seen is None else seen.shadow
     searched = active & ~shadow if mesh.convex else mi.Bool(active)
     triangle = active & ~shadow  # in the shadow of one that is not convex, V may be reflected, but not where a sphere would
 
     # The triangle, and Newton's method after it.
-    warm = last.warm & ~vertexwise.was_cut(view, last_view)
+    warm = last.warm & ~problems.was_cut(view, problem.last_view)
     u = dr.gather(mi.Vector3f, last.u, lane)
-    s = secant.solve(options.search, star, where, u, warm, triangle | (searched & warm), tau, max_iter)
-    R, n, converged, residual, iterations = s.R, s.n, s.converged, s.residual, s.iterations
-    behind = s.behind
-    if sight is None:
-        converged = s.converged & secant.settled(options.search.residual, star, where, s, s.converged)
+    s = secant.solve(options.search, star, local, u, warm, triangle | (searched & warm), scale.tau, problem.max_iter)
+    found, behind = s, s.behind
+    if seen is None:
+        converged = s.converged & secant.settled(options.search.residual, star, local, s, s.converged)
     else:
-        first, met = newton.located(mesh, star.centre, s.u, s.converged)
-        converged = met if options.newton == "always" else newton.arrived(mesh, where, first, met)
-        goes_on = searched & (mi.Bool(options.newton == "always") | ~converged)
-        begins_anew = goes_on & ~met & ~sight.near
-        candidate, promising = newton.best_candidate(mesh, where, begins_anew, shadow)
-        first = dr.select(sight.near, sight.on, dr.select(begins_anew, candidate, first))
-        goes_on &= dr.select(begins_anew, promising, met | sight.near)
-        walked = newton.walk(mesh, where, first, goes_on, max_iter, sight.touches, shadow & ~warm)
-        R, n = dr.select(goes_on, walked.R, R), dr.select(goes_on, walked.n, n)
-        converged = dr.select(goes_on, walked.converged, converged)
-        residual = dr.select(goes_on, walked.residual, residual)
-        iterations += walked.iterations
-        behind = active & ~converged & (shadow | (dr.dot(where.V - R, n) <= 0))
-    reflected = searched & ~behind & (converged | (residual < search.STRAY))
+        known = refinement.Searched(seen, searched, warm)
+        always = options.newton == "always"
+        found = refinement.refined(mesh, star.centre, local, s, known, problem.max_iter, always=always)
+        converged = found.converged
+        behind = active & ~converged & (shadow | (dr.dot(local.V - found.R, found.n) <= 0))
+    reflected = searched & ~behind & (converged | (found.residual < search.STRAY))
     hidden = active & (behind | shadow) & ~reflected
-    seen = None
+    free = None
     if mirror.sheet is not None:
         # A root that the mirror hides from the eye is no reflection.
-        seen = ~reflected | several.is_free(mirror.sheet, R, n, where.eye, reflected)
-    u = placement.unit(R - star.centre)
-    R, n = placement.point_to_world(pose, R), placement.normal_to_world(pose, n)
-
-    # Where the images go.
+        free = ~reflected | sight.is_free(mirror.sheet, found.R, found.n, local.eye, reflected)
+        converged = converged & free
+    u = placement.unit(found.R - star.centre)
+    R, n = placement.point_to_world(pose, found.R), placement.normal_to_world(pose, found.n)
     if options.hidden == "clamp":
-        edge = placement.point_to_world(pose, secant.outline(star, where, hidden))
-        R = dr.select(hidden, edge, R)
-    on_eye_ray = reflected | hidden if options.hidden == "clamp" else reflected
+        R = dr.select(hidden, placement.point_to_world(pose, secant.outline(star, local, hidden)), R)
+    answer = problems.Answer(
+        R=R,
+        n=n,
+        image=V,
+        reflected=reflected,
+        hidden=hidden,
+        converged=converged,
+        unsure=searched & ~converged,
+        residual=found.residual,
+        iterations=found.iterations,
+        free=free,
+        flush=None if seen is None or not mesh.convex or options.hidden != "cut" else seen.touches,
+    )
+    answer.image = _image(answer, V, picture, view, scale.d_max, options)
+    end = Ends(dr.empty(mi.Float, 3 * problem.count), mi.Bool(reflected if free is None else reflected & free))
+    dr.scatter(end.u, u, lane)
+    return *problems.images_of(problem, answer), end, s.backtracks
+
+
+def _image(
+    found: problems.Answer, V: mi.Point3f, picture: textures.Texture | None, view: View, d_max: mi.Float, options: Options
+) -> mi.Point3f:
+    """Where the images of vertices V go."""
+    R, hidden = found.R, found.hidden
+    on_eye_ray = found.reflected | hidden if options.hidden == "clamp" else found.reflected
     if options.depth == "screen_linear":
         image = virtual.sorted_by_length(R, dr.norm(V - R), d_max, view)
     else:
         image = optics.on_ray(V, R, view.eye)
     image = dr.select(on_eye_ray, image, V)
-    if options.hidden == "emdt_mirror":
-        texels, camera = picture
-        c, r, visible = search.texel_of(camera, V)
-        visible, P, N = search.fetch(texels, camera, c, r, hidden & visible)
-        image = dr.select(hidden, optics.mirrored(V, dr.select(visible, P, R), dr.select(visible, N, n)), image)
-
-    kind, region = vertexwise.kinds(reflected, hidden)
-    if sight is not None and mesh.convex and options.hidden == "cut":
-        # What lies flush with a convex mirror is its own image, before it or in it: only triangles that leave it have one.
-        kind = dr.select(sight.touches & reflected, mi.Float(virtual.HIDDEN), kind)
-    images = virtual.Images(
-        vertexwise.packets(image, kind, lane, count), vertexwise.packets(R, mi.Float(0), lane, count), seen
-    )  # fmt: skip
-    if seen is not None:
-        reflected, converged = reflected & seen, converged & seen
-        region = dr.select(seen, region, vertexwise.UNKNOWN)
-    if doubted is not None:
-        images.sure = vertexwise.sureness(n, searched & ~converged, points, lane, doubted, count)
-    report = {
-        "R": mi.Point3f(R), "n": mi.Normal3f(n), "virtual": mi.Point3f(image), "converged": mi.Bool(converged),
-        "valid": mi.Bool(converged), "region": region, "iterations": iterations, "residual": mi.Float(residual),
-        "border": dr.zeros(mi.Bool, count),
-    }  # fmt: skip
-    end = Ends(dr.empty(mi.Float, 3 * count), mi.Bool(reflected))
-    dr.scatter(end.u, u, lane)
-    return images, end, report, s.backtracks
+    if picture is not None:
+        c, r, visible = picture.seen_at(V)
+        visible, P, N = picture.at(c, r, hidden & visible)
+        plane = dr.select(visible, P, R), dr.select(visible, N, found.n)
+        image = dr.select(hidden, optics.mirrored(V, *plane), image)
+    return image
 
 
 @frozen
 def _solve_several(
-    world, shown_parts, mirror: Mirror, pose: list, part, view: View, tau, max_iter, multi: int, options: Options, doubted
-):  # fmt: skip
-    """Virtual vertices, triangles and reports of several reflections per vertex, and how often a sample came back."""
-    star, mesh, count = mirror.star, mirror.mesh, world.vertex_count
-    starts = several.begin(mirror.seeds, mesh, pose, view, world.points, part, shown_parts, count, multi)
-    where, active = starts.where, starts.active
-    u = placement.unit(starts.P - star.centre)
-    s = secant.solve(options.search, star, where, u, mi.Bool(True), active, tau, max_iter)
+    problem: problems.Problem, mirror: Mirror, multi: int, scale: Scale, options: Options
+) -> tuple[branches.Arranged, mi.UInt32]:
+    """Virtual vertices, triangles and what was found of several reflections per vertex, and how often a sample came back."""
+    star, mesh = mirror.star, mirror.mesh
+    assert mirror.seeds is not None
+    starts = several.begin(mirror.seeds, mesh, problem, multi)
+    local, u = starts.local, placement.unit(starts.P - star.centre)
+    s = secant.solve(options.search, star, local, u, mi.Bool(True), starts.active, scale.tau, problem.max_iter)
     if options.newton == "off":
-        exact = s.converged & secant.settled(options.search.residual, star, where, s, s.converged)
+        exact = s.converged & secant.settled(options.search.residual, star, local, s, s.converged)
         ends = several.Ends(s.R, s.n, s.converged, exact, s.residual, s.iterations, None)
     else:
-        # On from the triangle's last sample; from its start where it was lost.
-        first, met = newton.located(mesh, star.centre, s.u, s.converged)
-        exact = met if options.newton == "always" else newton.arrived(mesh, where, first, met)
-        goes_on = active & (mi.Bool(options.newton == "always") | ~exact | starts.touches)
-        met &= ~starts.touches
-        first = newton.Where(dr.select(met, first.triangle, starts.on.triangle), dr.select(met, first.b, starts.on.b))
-        walked = newton.walk(mesh, where, first, goes_on, max_iter, starts.touches)
-        converged = dr.select(goes_on, walked.converged, exact)
-        ends = several.Ends(
-            dr.select(goes_on, walked.R, s.R), dr.select(goes_on, walked.n, s.n), converged, converged,
-            dr.select(goes_on, walked.residual, s.residual), s.iterations + walked.iterations, None,
-        )  # fmt: skip
-    found = several.finish(ends, starts, mesh, pose, view, count, multi)
-    made = branches.arranged(found, mesh, pose, world, part, shown_parts, view, multi, doubted)
-    return made, several.per_vertex(s.backtracks, count, multi)
+        always = options.newton == "always"
+        ends = refinement.refined_from(starts, mesh, star.centre, s, problem.max_iter, always=always)
+    made = branches.arranged(several.finish(ends, starts, mesh, problem, multi), mesh, problem, multi)
+    return made, several.per_vertex(s.backtracks, problem.count, multi)

@@ -24,7 +24,7 @@ def boxes(parts: Sequence[tuple[np.ndarray, np.ndarray]], most: int) -> tuple[np
     Rows that take a point of the part's space to [-1, 1] across each box, float64 [B, 3, 4], and the number of its part [B].
     """
     cells = [_Cells.of(vertices[faces]) for vertices, faces in parts]
-    leaves = [_Leaf(part, own, np.arange(len(own.low)), True) for part, own in enumerate(cells)]
+    leaves = [_Leaf(part, own, np.arange(len(own.low)), whole=True) for part, own in enumerate(cells)]
     while len(leaves) < most:
         roomy = max(leaves, key=lambda leaf: leaf.room)
         if roomy.room <= 0:
@@ -55,7 +55,7 @@ class _Cells:
 
     @staticmethod
     def of(corners: np.ndarray) -> _Cells:
-        """Of triangles [F, 3, 3]."""
+        """The cells of triangles [F, 3, 3]."""
         a, b, c = np.moveaxis(corners, 1, 0)
         low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
         normal = np.cross(b - a, c - a)
@@ -76,7 +76,7 @@ class _Cells:
 class _Leaf:
     """Cells `own` of a part; `whole`: all of it. `room`: the volume of its box, 0 for one that cannot be opened."""
 
-    def __init__(self, part: int, cells: _Cells, own: np.ndarray, whole: bool = False) -> None:
+    def __init__(self, part: int, cells: _Cells, own: np.ndarray, *, whole: bool = False) -> None:
         self.part, self.cells, self.own, self.whole = part, cells, own, whole
         self.low, self.high = cells.low[own], cells.high[own]
         self.room = float((self.high.max(axis=0) - self.low.min(axis=0)).prod()) if len(own) > 1 else 0.0
@@ -103,7 +103,7 @@ def _growing(low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 
 def _surface(size: np.ndarray) -> np.ndarray:
-    """Half of a box's."""
+    """Half the surface of a box."""
     x, y, z = np.moveaxis(size, -1, 0)
     return x * y + y * z + z * x
 

@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    import mitsuba as mi
+
     from benchharness.kernels.types import ReflectorLike, SceneLike
 
 RAYS = 1 << 16
@@ -26,7 +28,7 @@ STEPS = 1.1673039782614187 ** -np.arange(1.0, 5.0)  # of the most even sequence 
 
 
 def enclosed(scene: SceneLike) -> tuple[bool, ...]:
-    """Per reflector of the scene, over all frames. Waits for the device."""
+    """Whether each reflector stands within walls in all frames. Waits for the device."""
     walls = [o.mesh.transformed(o.pose(0.0)) for o in scene.objects if o.motion is None]
     if not walls or not scene.reflectors:
         return (False,) * len(scene.reflectors)
@@ -64,7 +66,7 @@ def _rays(scene: SceneLike, reflector: ReflectorLike, count: int) -> tuple[np.nd
     return np.einsum("nij,nj->ni", pose[:, :, :3], p) + pose[:, :, 3], directions
 
 
-def _all_meet(traced, o: np.ndarray, d: np.ndarray) -> bool:
+def _all_meet(traced: mi.Scene, o: np.ndarray, d: np.ndarray) -> bool:
     """Whether each ray meets anything of a Mitsuba scene."""
     import mitsuba as mi
 

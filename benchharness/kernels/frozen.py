@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import functools
 import gc
+from collections.abc import Callable
+from typing import ParamSpec, TypeVar
 
 import drjit as dr
 
+P, R = ParamSpec("P"), TypeVar("R")
 RECORDINGS = 1000
 """More than this in a process are a mistake. Every size of picture, window, list and scene is one; Dr.Jit warns at 10."""
 
 
-def frozen(function):
+def frozen(function: Callable[P, R]) -> Callable[P, R]:
     """`dr.freeze` without garbage collection: a Mitsuba scene that is freed while a function is recorded ends the process."""
     recorded = dr.freeze(function, warn_after=RECORDINGS)
 
     @functools.wraps(function)
-    def call(*args, **kwargs):
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
         collects = gc.isenabled()
         gc.disable()
         try:

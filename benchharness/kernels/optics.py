@@ -6,6 +6,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from benchharness.kernels.types import SceneLike
+
 
 def reflect(w: mi.Vector3f, n: mi.Normal3f) -> mi.Vector3f:
     """Mirror direction of w about the unit normal n: both point away from the surface."""
@@ -52,14 +54,14 @@ def fresnel_conductor(cos_theta: mi.Float, eta: mi.Color3f, k: mi.Color3f) -> mi
     return 0.5 * s * (1 + (t1 - t2) / (t1 + t2))
 
 
-def metals_of(scene) -> mi.Float:
+def metals_of(scene: SceneLike) -> mi.Float:
     """What the mirrors of a `benchharness.scene.Scene` are made of, 8 floats each: eta, 1 (0 for an ideal mirror), k, 0."""
     rows = [[0.0] * 8 if r.eta is None else [*r.eta, 1.0, *r.k, 0.0] for r in scene.reflectors]
     return mi.Float(np.array(rows, np.float32).ravel())
 
 
-def reflectance(metals: mi.Float, mirror: mi.UInt32, cos_theta: mi.Float, active) -> mi.Color3f:
-    """Of a mirror at incidence cos_theta >= 0; `metals` as `metals_of` has them."""
+def reflectance(metals: mi.Float, mirror: mi.UInt32, cos_theta: mi.Float, active: mi.Bool) -> mi.Color3f:
+    """The reflectance of a mirror at incidence cos_theta >= 0; `metals` as `metals_of` has them."""
     eta, k = (dr.gather(mi.Vector4f, metals, mirror * 2 + i, active) for i in (0, 1))
     metal = fresnel_conductor(cos_theta, mi.Color3f(eta.xyz), mi.Color3f(k.xyz))
     return dr.select(eta.w > 0, metal, 1)

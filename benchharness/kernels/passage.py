@@ -16,6 +16,7 @@ import numpy as np
 
 from benchharness.kernels import boxes
 from benchharness.kernels.frozen import frozen
+from benchharness.kernels.types import SceneLike
 
 MOST = 64  # boxes of a scene
 STILL = 1e-12  # per unit of length: a ray along a slab is taken to cross it by so little
@@ -30,14 +31,14 @@ class Boxes:
     count: int
 
 
-def of_scene(scene) -> Boxes:
-    """Those of all parts of a `benchharness.scene.Scene`."""
+def of_scene(scene: SceneLike) -> Boxes:
+    """The boxes of all parts of a `benchharness.scene.Scene`."""
     rows, parts = _found(scene)
     return Boxes(mi.Float(rows.astype(np.float32).ravel()), mi.UInt32(parts.astype(np.uint32)), len(parts))
 
 
 @lru_cache(maxsize=2)
-def _found(scene) -> tuple[np.ndarray, np.ndarray]:
+def _found(scene: SceneLike) -> tuple[np.ndarray, np.ndarray]:
     """What `boxes.boxes` has of a scene: every method that asks gets the same."""
     return boxes.boxes([(part.mesh.vertices, part.mesh.faces) for part in scene.parts], MOST)
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
+from benchharness.kernels.types import View
+
 WRONG_PX = 2.0
 """On the screen: what is shown further off than this is the wrong point, and not the right one less exactly. Searches end in
 triangles and texels about a pixel wide, which leaves a pixel for what is interpolated between them."""
 
 
-def spread(values: list, lanes: mi.UInt32, view) -> list:
-    """Arrays with a lane for each of `lanes`, at least one, -> with one for each pixel of the picture of a view.
+def spread(values: list, lanes: mi.UInt32, view: View) -> list:
+    """Arrays with a lane for each pixel of the picture, from arrays with one for each of `lanes`, at least one.
 
     lanes  `benchharness.api.Frame.pixels`
 

@@ -1,4 +1,4 @@
-"""Into a mirror's own space and back. A mirror that moves never changes there: what is prepared for it once stays true."""
+"""Into a mirror's own frame and back. A mirror that moves never changes there: what is prepared for it once stays true."""
 
 from __future__ import annotations
 
@@ -7,12 +7,16 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
+from benchharness.kernels.types import View
+
 
 @dataclass
-class Place:
-    """The eye, the vertices and the picture, seen from the mirror's own space.
+class MirrorFrame:
+    """The eye, the vertices and the picture in a mirror's own coordinates.
 
-    x, y, w   world to screen (`benchharness.api.View`) for points of that space
+    eye       position
+    V         the vertices
+    x, y, w   coordinates to screen, as `benchharness.api.View` has it for the world
     """
 
     eye: mi.Point3f
@@ -42,18 +46,18 @@ def pose_of(poses: mi.Float, part: mi.UInt32) -> list[mi.Vector4f]:
     return [dr.gather(mi.Vector4f, poses, part * 3 + k) for k in range(3)]
 
 
-def place(pose: list[mi.Vector4f], V: mi.Point3f, view) -> Place:
-    """World -> the space of a mirror with rigid pose `pose`."""
+def mirror_frame(pose: list[mi.Vector4f], V: mi.Point3f, view: View) -> MirrorFrame:
+    """Eye, vertices and picture of the world in the frame of a mirror with rigid pose `pose`."""
     columns = [mi.Vector3f(pose[0][k], pose[1][k], pose[2][k]) for k in range(4)]
 
-    def point(p) -> mi.Point3f:
+    def point(p: mi.Point3f) -> mi.Point3f:
         q = p - columns[3]
         return mi.Point3f(*(dr.dot(columns[k], q) for k in range(3)))
 
     def row(v: mi.Vector4f) -> mi.Vector4f:
         return mi.Vector4f(*(dr.dot(v.xyz, columns[k]) for k in range(3)), dr.dot(v.xyz, columns[3]) + v.w)
 
-    return Place(point(view.eye), point(V), row(view.x), row(view.y), row(view.w))
+    return MirrorFrame(point(view.eye), point(V), row(view.x), row(view.y), row(view.w))
 
 
 def point_to_world(pose: list[mi.Vector4f], p: mi.Point3f) -> mi.Point3f:

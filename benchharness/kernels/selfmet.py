@@ -24,7 +24,13 @@ SKEW = 1e-4  # of |u_1 x u_2|² to |u_1|² |u_2|²: below this the neighbours sa
 
 @dr.syntax
 def away(
-    p: mi.Point3f, n: mi.Normal3f, r: mi.Vector3f, steps: Sequence, turns: Sequence, box: Sequence[mi.Vector4f], active=True
+    p: mi.Point3f,
+    n: mi.Normal3f,
+    r: mi.Vector3f,
+    steps: Sequence[mi.Vector3f],
+    turns: Sequence[mi.Vector3f],
+    box: Sequence[mi.Vector4f],
+    active: mi.Bool | bool = True,
 ) -> mi.Float:
     """How far along r the mirror is likely met again, inf where it is not.
 
@@ -42,8 +48,15 @@ def away(
     return t
 
 
-def _again(p, n, r, steps: Sequence, turns: Sequence, box: Sequence[mi.Vector4f]) -> mi.Float:
-    """The chord's length where it ends in the box, else inf."""
+def _again(
+    p: mi.Point3f,
+    n: mi.Normal3f,
+    r: mi.Vector3f,
+    steps: Sequence[mi.Vector3f],
+    turns: Sequence[mi.Vector3f],
+    box: Sequence[mi.Vector4f],
+) -> mi.Float:
+    """The length of the chord where it ends in the box, else inf."""
     u, v = steps
     cosine = dr.dot(n, r)
     t = r - cosine * n

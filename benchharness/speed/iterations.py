@@ -16,7 +16,7 @@ import mitsuba as mi
 import numpy as np
 
 from benchharness.api import Reflection
-from benchharness.kernels.vertices import vertexwise, virtual
+from benchharness.kernels.vertices import problems, vertexwise, virtual
 from benchharness.scene import Scene
 from benchharness.speed.stage import Stage
 from benchharness.study import plugins
@@ -91,23 +91,16 @@ def _picture(stage: Stage, reflection: Reflection) -> np.ndarray:
     for i in range(len(scene.reflectors)):
         lane = dr.arange(mi.UInt32, count)
         there = lane + i * count
-        kind, _ = vertexwise.kinds(dr.gather(mi.UInt32, vertices.region, there) == vertexwise.REFLECTED, mi.Bool(False))
+        kind, _ = problems.kinds(dr.gather(mi.UInt32, vertices.region, there) == problems.REFLECTED, mi.Bool(False))
         images = virtual.Images(
-            vertexwise.packets(dr.gather(mi.Point3f, vertices.virtual, there), kind, lane, count),
-            vertexwise.packets(dr.gather(mi.Point3f, vertices.R, there), mi.Float(0), lane, count),
+            problems.packets(dr.gather(mi.Point3f, vertices.virtual, there), kind, lane, count),
+            problems.packets(dr.gather(mi.Point3f, vertices.R, there), mi.Float(0), lane, count),
         )
         steps = mi.Float(dr.gather(mi.UInt32, vertices.iterations, there))
-        light = vertexwise.packets(mi.Point3f(steps), mi.Float(0), lane, count)
+        light = problems.packets(mi.Point3f(steps), mi.Float(0), lane, count)
         part = dr.opaque(mi.UInt32, seen.objects + i)
-        shown, _, hit, _ = virtual.draw(
-            images,
-            replace(seen.world, attributes=light, shine=None),
-            part,
-            frame.view,
-            frame.p,
-            frame.reflector,
-            dr.opaque(mi.Int32, i),
-            virtual.Drawing("drop"),
-        )
+        world = replace(seen.world, attributes=light, shine=None)
+        target = virtual.Target(frame.view, frame.p, frame.reflector == i)
+        shown, _, hit, _ = virtual.draw(images, world, part, target, virtual.Drawing("drop"))
         total, covered = total + shown.x, covered | hit
     return np.where(np.array(covered), np.array(total), np.nan).reshape(stage.size[1], stage.size[0])

@@ -19,6 +19,7 @@ from support.truth_shapes import reverse_constructed, unit
 
 from benchharness.kernels import optics
 from benchharness.kernels.vertices import search
+from benchharness.kernels.vertices.textures import Texture
 from benchharness.render.frame import view_of
 
 BALL, VIEW = SHAPES["sphere"], camera(32.0)
@@ -27,22 +28,26 @@ FRAMES, DEGREES = 40, 0.4  # of the path
 
 @cache
 def pictured(fov_deg=32.0, size=SIZE):
-    """The texture and its camera."""
-    return texture(BALL, camera(fov_deg), size), view_of(camera(fov_deg), size, size, 0.01)
+    """The texture with its camera."""
+    return Texture(texture(BALL, camera(fov_deg), size), view_of(camera(fov_deg), size, size, 0.01))
 
 
 def lanes(value, count) -> mi.Int32:
     return mi.Int32(np.broadcast_to(np.asarray(value), count).astype(np.int32))
 
 
+def starting(column, row, stride, count) -> search.Start:
+    return search.Start(lanes(column, count), lanes(row, count), lanes(stride, count))
+
+
 def found(V, kind="sq", neighbourhood="cross_then_diag", subtexel=False, at=None, fov_deg=32.0, size=SIZE, stride=1):
     """A search from the middle, or from texels `at`."""
     column, row = at or (size // 2, size // 2)
     count = len(V)
+    options, first = search.Options(kind, neighbourhood, subtexel), starting(column, row, stride, count)
     f = search.find(
-        kind, neighbourhood, subtexel, *pictured(fov_deg, size), points(V), lanes(column, count), lanes(row, count),
-        lanes(stride, count), dr.full(mi.Bool, True, count), dr.opaque(mi.UInt32, 4096),
-    )  # fmt: skip
+        options, pictured(fov_deg, size), points(V), first, dr.full(mi.Bool, True, count), dr.opaque(mi.UInt32, 4096)
+    )
     dr.eval(f)
     return f
 
@@ -50,17 +55,15 @@ def found(V, kind="sq", neighbourhood="cross_then_diag", subtexel=False, at=None
 def climbed(kind, V):
     """Texel [N, 2], its score [N]."""
     count = len(V)
-    column, row, score, *_ = search.climb(
-        kind, "cross_then_diag", *pictured(), points(V), lanes(SIZE // 2, count), lanes(SIZE // 2, count), lanes(1, count),
-        dr.full(mi.Bool, True, count), dr.opaque(mi.UInt32, 4096),
-    )  # fmt: skip
-    return np.array([column, row]).T, np.array(score)
+    options, first = search.Options(kind, "cross_then_diag"), starting(SIZE // 2, SIZE // 2, 1, count)
+    top = search.climb(options, pictured(), points(V), first, dr.full(mi.Bool, True, count), dr.opaque(mi.UInt32, 4096))
+    return np.array([top.column, top.row]).T, np.array(top.score)
 
 
 def at_texels(texel):
     """Points and normals of the texture."""
     c, r = (lanes(texel[:, k], len(texel)) for k in (0, 1))
-    _, p, n = search.fetch(*pictured(), c, r)
+    _, p, n = pictured().at(c, r)
     return p, n
 
 

@@ -15,7 +15,7 @@ from support.star_shapes import Ellipsoid, Sphere
 from support.truth_shapes import Quadric, alhazen, unit
 
 from benchharness.kernels import optics
-from benchharness.kernels.vertices import newton
+from benchharness.kernels.vertices import mirrormesh, sight
 
 LOWER, UPPER = np.array([0.0, 0.0, -0.6]), np.array([0.0, 0.0, 1.0])
 
@@ -90,10 +90,10 @@ def focal() -> dict[str, float]:
     law = max(np.linalg.norm(half_vectors(R, focus, V) + shape.normal(R), axis=1).max() for R in exits)
     # A walk that starts a hundredth beside the first comes to it; the second is behind the eye, where nothing has a pixel.
     inner = turned_over(shape.mesh(5))
-    mesh, R = newton.mesh(inner.vertices, inner.normals, inner.faces), exits[0]
+    mesh, R = mirrormesh.build(inner.vertices, inner.normals, inner.faces), exits[0]
     aside = unit(R + 0.01 * np.cross(R, unit(rng.normal(size=R.shape))))
     everywhere = dr.full(mi.Bool, True, len(R))
-    first, _ = newton.located(mesh, mi.Point3f(0), mi.Vector3f(points(aside)), everywhere)
+    first, _ = sight.located(mesh, mi.Point3f(0), mi.Vector3f(points(aside)), everywhere)
     walk, _ = walked(mesh, place(V, focus, -focus), first)
     off = np.where(np.array(walk.converged), np.linalg.norm(host(walk.R) - R, axis=1), np.inf)
     P = shape.points(rng, 1000)
@@ -127,9 +127,10 @@ def focal_hessians() -> float:
 def walks_in_a_ball(z: float) -> int:
     """F-20: different points that Newton's walks from 1000 places of a whole hollow ball come to, for V = (0.1, 0, z)."""
     inner = turned_over(Sphere().mesh(5))
-    mesh, u = newton.mesh(inner.vertices, inner.normals, inner.faces), unit(np.random.default_rng(0).normal(size=(1000, 3)))
+    mesh = mirrormesh.build(inner.vertices, inner.normals, inner.faces)
+    u = unit(np.random.default_rng(0).normal(size=(1000, 3)))
     everywhere = dr.full(mi.Bool, True, len(u))
-    first, _ = newton.located(mesh, mi.Point3f(0), mi.Vector3f(points(u)), everywhere)
+    first, _ = sight.located(mesh, mi.Point3f(0), mi.Vector3f(points(u)), everywhere)
     walk, _ = walked(mesh, place(np.tile([0.1, 0, z], (len(u), 1)), LOWER, UPPER), first)
     found: list[np.ndarray] = []
     for R in host(walk.R)[np.array(walk.converged)]:

@@ -15,7 +15,7 @@ from support.truth_shapes import unit
 
 from benchharness.cache import content_hash
 from benchharness.kernels import geometry, lighting
-from benchharness.kernels.vertices import search, virtual
+from benchharness.kernels.vertices import textures, virtual
 from benchharness.measure import metrics
 from benchharness.render.bake import bake
 from benchharness.render.frame import FrameRenderer
@@ -232,12 +232,10 @@ def test_cut_triangles_shine_like_whole_ones():
     rest = np.zeros((triangles.vertex_count - len(V), 4))
     packets = [np.concatenate([np.column_stack([a, b]), rest]) for a, b in ((image, kind), (R, 0 * kind))]
     images = virtual.Images(*(mi.Float(np.float32(packet).ravel()) for packet in packets))
-    window = search.window(frame.view, frame.boxes[0], 1.0)
-    texels = search.render(frame.proxies[0], frame.poses, dr.opaque(mi.UInt32, 0), window.view)
-    L, _, covered, _ = virtual.draw(
-        images, triangles, dr.opaque(mi.UInt32, 1), frame.view, frame.p, frame.reflector, dr.opaque(mi.Int32, 0),
-        virtual.Drawing("cut"), virtual.Picture(texels, window.view),
-    )  # fmt: skip
+    window = textures.window(frame.view, frame.boxes[0], 1.0)
+    texture = textures.render(frame.proxies[0], frame.poses, dr.opaque(mi.UInt32, 0), window.view)
+    target = virtual.Target(frame.view, frame.p, frame.reflector == 0)
+    L, _, covered, _ = virtual.draw(images, triangles, dr.opaque(mi.UInt32, 1), target, virtual.Drawing("cut"), texture)
     L, covered = np.array(L).T, np.array(covered)
 
     d = rays(made.camera(0.0), *SIZE)

@@ -8,7 +8,7 @@ from support.mirror_room import mirror_ball, scene, walls
 from support.stress_rooms import any_motion, carried
 
 from benchharness.kernels.images import roles
-from benchharness.kernels.vertices import newton
+from benchharness.kernels.vertices import mirrormesh
 from benchharness.scene import Mesh, Object, merged
 from benchharness.stability import altered
 from scenes.props.minimal import grid, sphere, thing
@@ -66,5 +66,5 @@ def test_walks_start_from_the_same_places_of_a_symmetric_mirror(change):
     starts = []
     for s in (made, change(made)):
         mesh = s.reflectors[0].mesh
-        starts.append(np.array(newton.mesh(mesh.vertices, mesh.normals, mesh.faces).middles).reshape(-1, 8))
+        starts.append(np.array(mirrormesh.build(mesh.vertices, mesh.normals, mesh.faces).middles).reshape(-1, 8))
     np.testing.assert_allclose(*starts, atol=1e-6)

@@ -37,9 +37,9 @@ def rows(pose) -> list[mi.Vector4f]:
     return [mi.Vector4f(*(float(v) for v in row)) for row in np.asarray(pose)[:3]]
 
 
-def place(V, eye=EYE, target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), pose=None) -> placement.Place:
+def place(V, eye=EYE, target=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), pose=None) -> placement.MirrorFrame:
     """Vertices [N, 3] and the eye, of the world, for a mirror with a pose."""
-    return placement.place(rows(np.eye(4) if pose is None else pose), points(V), view(eye, target, up))
+    return placement.mirror_frame(rows(np.eye(4) if pose is None else pose), points(V), view(eye, target, up))
 
 
 def off_px(one, other, eye=EYE, target=(0.0, 0.0, 0.0)) -> np.ndarray:

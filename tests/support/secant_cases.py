@@ -48,7 +48,7 @@ def star_of(name: str, side: float = 1.0):
     return mapped(MIRRORS[name], 128, side)
 
 
-def solved(star, where: placement.Place, stop="edge", start="paper", residual="param", last=None, max_iter=60):
+def solved(star, where: placement.MirrorFrame, stop="edge", start="paper", residual="param", last=None, max_iter=60):
     """A solution, evaluated. `last`: directions [N, 3] to start around, all warm."""
     count = dr.width(where.V)
     u = mi.Vector3f(dr.zeros(mi.Float, count)) if last is None else mi.Vector3f(points(last))

@@ -12,7 +12,7 @@ from support.small_room import quad
 from support.truth_shapes import alhazen, unit
 
 from benchharness.kernels import geometry
-from benchharness.kernels.vertices import search, virtual
+from benchharness.kernels.vertices import textures, virtual
 from benchharness.render.frame import FrameRenderer
 from benchharness.scene import Reflector
 
@@ -32,7 +32,8 @@ def draw(made, moved, kind, at, hidden="cut", depth="perspective", whole=False, 
     In the frame, the objects hide no mirror unless `whole`.
 
     moved, at [V, 3], kind [V]     virtual positions, reflection points and kinds of the vertices of the objects
-    hidden, depth, behind          `virtual.Drawing`
+    hidden, depth                  `virtual.Drawing`
+    behind                         whether nothing is drawn behind the mirror's nearest back
     """
     frame = FrameRenderer(made if whole else dataclasses.replace(made, objects=()), WIDTH, HEIGHT).render(0)
     lit = [(o.mesh.vertices, o.mesh.radiance, o.mesh.faces) for o in made.objects]
@@ -42,14 +43,12 @@ def draw(made, moved, kind, at, hidden="cut", depth="perspective", whole=False, 
     packets = np.concatenate([np.column_stack([moved, kind]), np.zeros((rest, 4))]).astype(np.float32)
     points = np.concatenate([np.column_stack([at, np.zeros(len(kind))]), np.zeros((rest, 4))]).astype(np.float32)
     part = dr.opaque(mi.UInt32, len(made.objects))
-    window = search.window(frame.view, frame.boxes[0], 1.0)
-    texels = search.render(frame.proxies[0], frame.poses, dr.opaque(mi.UInt32, 0), window.view)
+    window = textures.window(frame.view, frame.boxes[0], 1.0)
+    texture = textures.render(frame.proxies[0], frame.poses, dr.opaque(mi.UInt32, 0), window.view)
     back = virtual.nearest_back(frame.proxies[0], frame.poses, dr.opaque(mi.UInt32, 0), frame.view) if behind else None
-    L, distance, covered, _ = virtual.draw(
-        virtual.Images(mi.Float(packets.ravel()), mi.Float(points.ravel())), triangles, part, frame.view, frame.p,
-        frame.reflector, dr.opaque(mi.Int32, 0), virtual.Drawing(hidden, depth, behind),
-        virtual.Picture(texels, window.view), back,
-    )  # fmt: skip
+    images = virtual.Images(mi.Float(packets.ravel()), mi.Float(points.ravel()))
+    target = virtual.Target(frame.view, frame.p, frame.reflector == 0, back)
+    L, distance, covered, _ = virtual.draw(images, triangles, part, target, virtual.Drawing(hidden, depth), texture)
     return np.array(L).T, np.array(distance), np.array(covered), frame
 
 

@@ -1,12 +1,8 @@
 """Image-space search for reflection points (Estalella, Martin, Drettakis, Tost 2006, section 4).
 
-A reflector is rendered from the eye into a texture of first points and normals. The point R that shows a vertex V to the
-eye E is where the half vector B of the directions to E and V is the normal N; the search climbs the agreement of B and N
-from texel to neighbouring texel until no neighbour agrees better.
-
-Texture: 4 floats per texel, row major: depth along the view axis, from `view.depth` (`kernels.depths`), and unit normal; zeros
-where the reflector is not. The point is where the texel's own ray has that depth, so that one packet of 16 bytes holds what the
-paper keeps in two textures. `view` is the camera of the texture.
+A reflector is rendered from the eye into a texture of first points and normals (`textures`). The point R that shows a
+vertex V to the eye E is where the half vector B of the directions to E and V is the normal N; the search climbs the
+agreement of B and N from texel to neighbouring texel until no neighbour agrees better.
 
 Where we differ from the paper: the eight neighbours may be taken at a stride that halves from level to level, which is
 the same as climbing a pyramid of every second, fourth, ... texel, and takes a cold search from hundreds of steps to tens.
@@ -14,20 +10,17 @@ the same as climbing a pyramid of every second, fourth, ... texel, and takes a c
 
 from __future__ import annotations
 
-import dataclasses
-import math
-from typing import Any
+from dataclasses import dataclass
 
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import depths, optics, raster
-from benchharness.kernels.frozen import frozen
+from benchharness.kernels import depths, optics
+from benchharness.kernels.types import View
+from benchharness.kernels.vertices.textures import Texture
 
 CROSS = ((0, 1), (0, -1), (1, 0), (-1, 0))
 DIAGONALS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
-WINDOW_STEP = 64  # pixels
-CODE_OFFSET = 1 << 14  # pixels; a texel's place in the picture plus this fits 16 bits
 CERTAIN = 1.0  # texels; a search that ended on the best texel leaves at most half a texel per axis, plus the curvature's part
 BEND = 0.25  # square of the largest second difference, relative to the first over both sides, of a smooth texture
 STRAY = 0.3  # |half vector - normal| of an end that is no reflection; at outlines one texel turns the normal by up to this
@@ -36,156 +29,64 @@ UNKNOWN_PX = 0.25  # texels that a converged search may be off for what its text
 OUTSIDE = -8.0  # below every score: "sq" lies in [-4, 0], "dot" in [-1, 1]
 
 
-def render(surface, poses: mi.Float, part: mi.UInt32, view) -> mi.Float:
-    """The texture of a reflector alone, not occluded by anything: 4 floats per texel.
-
-    surface      a `benchharness.api.Surface`, part number `part`
-    poses        12 floats per part; see `benchharness.api.Frame`
-    """
-    points, normals = posed(surface, poses, part)
-    visibility = raster.rasterize(points, surface.faces, surface.face_count, view, cull="back")
-    return _texels(points, normals, surface.faces, visibility, view)
-
-
-@frozen
-def posed(surface, poses: mi.Float, part: mi.UInt32) -> tuple[mi.Float, mi.Float]:
-    """Points and normals of a surface in world space, 4 floats per vertex."""
-    pose = [dr.gather(mi.Vector4f, poses, part * 3 + k) for k in range(3)]
-    lane = dr.arange(mi.UInt32, surface.vertex_count)
-    p = dr.gather(mi.Vector4f, surface.vertices, lane * 2)
-    n = dr.gather(mi.Vector4f, surface.vertices, lane * 2 + 1)
-    p.w, n.w = 1.0, 0.0
-    points, normals = dr.empty(mi.Float, 4 * surface.vertex_count), dr.empty(mi.Float, 4 * surface.vertex_count)
-    dr.scatter(points, mi.Vector4f(*(dr.dot(row, p) for row in pose), 0.0), lane)
-    dr.scatter(normals, mi.Vector4f(*(dr.dot(row, n) for row in pose), 0.0), lane)
-    return points, normals
-
-
-@frozen
-@dr.syntax
-def _texels(points, normals, faces, visibility, view) -> mi.Float:
-    texel = dr.arange(mi.UInt32, view.width * view.height)
-    triangle = raster.winner_at(visibility, view, texel, mi.Bool(True))
-    value = mi.Vector4f(0)
-    if triangle != raster.NONE:
-        face, weights, q = raster.met(points, faces, triangle, view, texel)
-        n = raster.interpolate(normals, face, weights, mi.Bool(True))
-        n = dr.normalize(mi.Vector3f(n.x, n.y, n.z))
-        # A sheet is a mirror on both sides: seen from behind, it has the normals of that side.
-        a, b, c = (corner.xyz for corner in raster.corners(points, faces, triangle, mi.Bool(True))[1])
-        n = dr.select(dr.dot(dr.cross(b - a, c - a), view.eye - a) < 0, -n, n)
-        value = mi.Vector4f(depths.offset(view, q), n.x, n.y, n.z)
-    texels = dr.empty(mi.Float, 4 * view.width * view.height)
-    dr.scatter(texels, value, texel)
-    return texels
-
-
-@dataclasses.dataclass
-class Window:
-    """The part of the picture, widened, that a reflector's texture covers.
-
-    view           the texture's camera
-    left, top      pixel of the picture that the first texel lies on; a texel keeps its size and its pixel
-    centre_column  texel nearest to the centre of the reflector's box
-    centre_row
-    """
-
-    view: Any
-    left: mi.Int32
-    top: mi.Int32
-    centre_column: mi.Int32
-    centre_row: mi.Int32
-
-    def code(self, column: mi.Int32, row: mi.Int32) -> mi.UInt32:
-        """A texel as one number that holds in the windows of other frames too."""
-        return (mi.UInt32(row + self.top + CODE_OFFSET) << 16) | mi.UInt32(column + self.left + CODE_OFFSET)
-
-    def texel(self, code: mi.UInt32) -> tuple[mi.Int32, mi.Int32]:
-        """Column and row; may lie outside of this window."""
-        return mi.Int32(code & 0xFFFF) - CODE_OFFSET - self.left, mi.Int32(code >> 16) - CODE_OFFSET - self.top
-
-
-def window(view, box: tuple[int, int, int, int], widening: float) -> Window:
-    """The window for a reflector that lies within `box` (left, top, right, bottom, pixels of the picture).
-
-    It reaches beyond the picture as far as tan(fov / 2) times `widening` does, and no further. Sizes are multiples of
-    WINDOW_STEP, or all that may be seen, so that a moving camera meets few of them.
-    """
-    left, width, column = _span(box[0], box[2], view.width, widening)
-    top, height, row = _span(box[1], box[3], view.height, widening)
-    first = dr.opaque(mi.Int32, left), dr.opaque(mi.Int32, top)
-    seen = depths.moved(view, *first, width, height)
-    return Window(seen, *first, dr.opaque(mi.Int32, column), dr.opaque(mi.Int32, row))
-
-
-def _span(low: int, high: int, size: int, widening: float) -> tuple[int, int, int]:
-    """Along one axis: first pixel, number of texels, and the texel nearest to the middle between `low` and `high`."""
-    beyond = math.ceil(0.5 * (widening - 1) * size)
-    first, last = max(low - 1, -beyond), min(high + 1, size + beyond)
-    count = min(max(-(-(last - first) // WINDOW_STEP), 1) * WINDOW_STEP, size + 2 * beyond)
-    first = min(first, size + beyond - count)
-    return first, count, min(max((low + high) // 2 - first, 0), count - 1)
-
-
-def middle(texels, where: Window) -> tuple[mi.Int32, mi.Int32]:
-    """Where a cold search starts: the covered texel nearest to the centre of the reflector's box on the screen.
-
-    (0, 0) if nothing is covered.
-    """
-    width = where.view.width
-    texel = dr.arange(mi.UInt32, width * where.view.height)
-    covered = _covered(dr.gather(mi.Vector4f, texels, texel))
-    column, row = mi.Int32(texel % width), mi.Int32(texel // width)
-    distance = mi.UInt32(dr.square(column - where.centre_column) + dr.square(row - where.centre_row))
-    key = dr.select(covered, (mi.UInt64(distance) << 32) | mi.UInt64(texel), 0x7FFF_FFFF_0000_0000)
-    nearest = mi.Int32(mi.UInt32(dr.min(key) & 0xFFFF_FFFF))
-    return nearest % width, nearest // width
-
-
-def texel_of(view, p: mi.Point3f) -> tuple[mi.Int32, mi.Int32, mi.Bool]:
-    """Column and row of the texel that p is seen in, and whether it is in front and in the picture."""
-    q = mi.Vector4f(p.x, p.y, p.z, 1.0)
-    w = dr.dot(view.w, q)
-    scale = dr.rcp(dr.maximum(w, 1e-12))
-    x, y = dr.dot(view.x, q) * scale, dr.dot(view.y, q) * scale
-    seen = (w > view.near) & (x >= 0) & (y >= 0) & (x < view.width) & (y < view.height)
-    return dr.select(seen, mi.Int32(x), 0), dr.select(seen, mi.Int32(y), 0), seen
-
-
-def fetch(texels: mi.Float, view, column: mi.Int32, row: mi.Int32, active=True):
-    """(covered, point, normal) of a texel; outside the picture nothing is covered."""
-    inside = (column >= 0) & (row >= 0) & (column < view.width) & (row < view.height) & active
-    t = dr.gather(mi.Vector4f, texels, mi.UInt32(row * view.width + column), inside)
-    p = depths.on_ray(view, mi.Float(column) + 0.5, mi.Float(row) + 0.5, t.x)
-    return inside & _covered(t), p, mi.Normal3f(t.y, t.z, t.w)
-
-
-def surface(texels: mi.Float, view, column: mi.Int32, row: mi.Int32, active) -> tuple[mi.Bool, mi.Float]:
-    """Whether a texel within the picture is covered, and its depth, from `view.depth`."""
-    t = dr.gather(mi.Vector4f, texels, mi.UInt32(row * view.width + column), active)
-    return active & _covered(t), t.x
-
-
-def _covered(texel: mi.Vector4f) -> mi.Bool:
-    return dr.squared_norm(texel.yzw) > 0
-
-
 def mismatch(p: mi.Point3f, n: mi.Normal3f, eye: mi.Point3f, vertex: mi.Point3f) -> tuple[mi.Vector3f, mi.Bool]:
     """B - N at a point of the reflector, and whether B is defined."""
     B, defined = optics.half_vector(p, eye, vertex)
     return B - mi.Vector3f(n), defined
 
 
-def score(kind: str, texels, view, column, row, vertex: mi.Point3f, active) -> mi.Float:
+@dataclass
+class Options:
+    """What the kernels are compiled for.
+
+    score          how well a texel reflects a vertex: "sq", "dot" or "inverse" (`score`)
+    neighbourhood  which texels are tried: "cross_then_diag", "full8" or "cross_only"
+    subtexel       whether the reflection point is refined between texels
+    """
+
+    score: str
+    neighbourhood: str
+    subtexel: bool = True
+
+
+@dataclass
+class Start:
+    """Where searches start: a texel, and how many texels away its neighbours are at first."""
+
+    column: mi.Int32
+    row: mi.Int32
+    stride: mi.Int32
+
+
+@dataclass
+class Climbed:
+    """Where climbing ended.
+
+    column, row  the best texel
+    score        how well it reflects the vertex
+    iterations   neighbourhoods examined, the last one that changed nothing included
+    reads        texels evaluated
+    settled      it ended by itself rather than at `max_iter`
+    """
+
+    column: mi.Int32
+    row: mi.Int32
+    score: mi.Float
+    iterations: mi.UInt32
+    reads: mi.UInt32
+    settled: mi.Bool
+
+
+def score(kind: str, texture: Texture, column: mi.Int32, row: mi.Int32, vertex: mi.Point3f, active: mi.Bool | bool) -> mi.Float:
     """How well the texel reflects the vertex: "dot" is B.N as in the paper, "sq" is -|B - N|^2.
 
     Both have the same maximum; B.N in float32 is flat within 3.5e-4 rad of it, -|B - N|^2 is not. "inverse" is "sq" with
     the roles swapped: the vertex is the image, and what it is the image of is its mirror image at each texel.
     """
-    covered, p, n = fetch(texels, view, column, row, active)
+    covered, p, n = texture.at(column, row, active)
     if kind == "inverse":
         vertex = optics.mirrored(vertex, p, n)
-    difference, defined = mismatch(p, n, view.eye, vertex)
+    difference, defined = mismatch(p, n, texture.view.eye, vertex)
     if kind == "dot":
         value = dr.select(defined, dr.dot(difference, n) + 1, -1)
     else:
@@ -194,20 +95,23 @@ def score(kind: str, texels, view, column, row, vertex: mi.Point3f, active) -> m
 
 
 @dr.syntax
-def climb(kind: str, neighbourhood: str, texels, view, vertex, column, row, stride, active, max_iter):
-    """Climbs from (column, row) with neighbours `stride` texels away, halving the stride down to 1.
+def climb(
+    options: Options, texture: Texture, vertex: mi.Point3f, start: Start, active: mi.Bool, max_iter: mi.UInt32
+) -> Climbed:
+    """The best texel that climbing from `start` comes to; the stride halves down to 1 where no neighbour is better.
 
-    Returns (column, row, score, iterations, reads, settled): the best texel; neighbourhoods examined, the last one that
-    changed nothing included; texels evaluated; whether it ended by itself rather than at `max_iter`.
     Strict improvement at each step, so it ends; neighbours that tie do not move it.
     """
-    best = score(kind, texels, view, column, row, vertex, active)
-    iterations = mi.UInt32(0)
-    reads = mi.UInt32(dr.select(active, 1, 0))
-    corners = mi.Bool(False)
-    running = mi.Bool(active)
-    ended = ~running
+    kind, neighbourhood = options.score, options.neighbourhood
     offsets = CROSS + DIAGONALS if neighbourhood == "full8" else CROSS
+    column, row = start.column, start.row  # the best texel so far,
+    best = score(kind, texture, column, row, vertex, active)  # and its score
+    stride = start.stride  # texels to the neighbours
+    iterations = mi.UInt32(0)  # neighbourhoods examined
+    reads = mi.UInt32(dr.select(active, 1, 0))  # texels evaluated
+    corners = mi.Bool(False)  # whether the diagonals are next, after the cross
+    running = mi.Bool(active)
+    ended = ~running  # by itself
     while dr.hint(running, label="climb the agreement of half vector and normal"):
         next_column, next_row, next_best = mi.Int32(column), mi.Int32(row), mi.Float(best)
         for k in range(len(offsets)):
@@ -215,7 +119,7 @@ def climb(kind: str, neighbourhood: str, texels, view, vertex, column, row, stri
             if dr.hint(neighbourhood == "cross_then_diag", mode="scalar"):
                 dx, dy = dr.select(corners, DIAGONALS[k][0], dx), dr.select(corners, DIAGONALS[k][1], dy)
             c, r = column + dx * stride, row + dy * stride
-            s = score(kind, texels, view, c, r, vertex, running)
+            s = score(kind, texture, c, r, vertex, running)
             better = s > next_best
             next_column, next_row = dr.select(better, c, next_column), dr.select(better, r, next_row)
             next_best = dr.select(better, s, next_best)
@@ -236,34 +140,85 @@ def climb(kind: str, neighbourhood: str, texels, view, vertex, column, row, stri
         stride = dr.select(settled, dr.maximum(stride >> 1, 1), stride)
         ended |= done
         running &= ~done & (iterations < max_iter)
-    return column, row, best, iterations, reads, ended
+    return Climbed(column, row, best, iterations, reads, ended)
 
 
-def around(texels, view, column, row, vertex: mi.Point3f, active):
-    """B - N at a texel and its rates of change per column and per row, with the point's own.
+@dataclass
+class Differential:
+    """The reflector at a texel, and how it changes from one texel to the next: a ray differential of the texel's own ray.
 
-    Returns (difference, d_column, d_row, p, n, p_column, p_row, n_column, n_row, complete, smooth, bent): central differences
-    over the four neighbours, `complete` where all five are covered and B is defined at each, `smooth` where both sides agree
-    too; the sum of the squares of how far they do not.
+    column, row  the texel
+    f, p, n      B - N, the point and its normal there; with `_column` and `_row` their changes per column and per row, by
+                 central differences
+    complete     all five texels are covered, and B is defined at each
+    smooth       complete, and the differences to both sides agree
+    second       sum of the squares of second differences of B - N, along columns and along rows
     """
-    covered, p, n = fetch(texels, view, column, row, active)
-    centre, complete = mismatch(p, n, view.eye, vertex)
+
+    column: mi.Int32
+    row: mi.Int32
+    f: mi.Vector3f
+    f_column: mi.Vector3f
+    f_row: mi.Vector3f
+    p: mi.Point3f
+    p_column: mi.Vector3f
+    p_row: mi.Vector3f
+    n: mi.Normal3f
+    n_column: mi.Vector3f
+    n_row: mi.Vector3f
+    complete: mi.Bool
+    smooth: mi.Bool
+    second: mi.Float
+
+    def at(self, view: View, x: mi.Float, y: mi.Float) -> tuple[mi.Point3f, mi.Normal3f]:
+        """The point on the eye's ray through (column + x, row + y), and its unit normal."""
+        q = self.p + x * self.p_column + y * self.p_row
+        column, row = mi.Float(self.column) + x + 0.5, mi.Float(self.row) + y + 0.5
+        n = dr.normalize(mi.Vector3f(self.n) + x * self.n_column + y * self.n_row)
+        return depths.on_ray(view, column, row, depths.offset(view, q)), mi.Normal3f(n)
+
+    def least_change(self) -> mi.Float:
+        """Square of the change of B - N per texel, in the direction in which it changes least."""
+        aa, ab, bb = dr.squared_norm(self.f_column), dr.dot(self.f_column, self.f_row), dr.squared_norm(self.f_row)
+        return 0.5 * (aa + bb - dr.sqrt(dr.square(aa - bb) + 4 * ab * ab))
+
+
+def differential(texture: Texture, column: mi.Int32, row: mi.Int32, vertex: mi.Point3f, active: mi.Bool) -> Differential:
+    """The differential of a texel and its four neighbours."""
+    eye = texture.view.eye
+    covered, p, n = texture.at(column, row, active)
+    f, complete = mismatch(p, n, eye, vertex)
     complete &= covered
-    rates, smooth, bent = [], mi.Bool(True), mi.Float(0)
+    rates, smooth, second = [], mi.Bool(True), mi.Float(0)
     for dx, dy in ((1, 0), (0, 1)):
         ends = []
         for side in (1, -1):
-            covered, q, m = fetch(texels, view, column + side * dx, row + side * dy, active)
-            difference, defined = mismatch(q, m, view.eye, vertex)
+            covered, q, m = texture.at(column + side * dx, row + side * dy, active)
+            difference, defined = mismatch(q, m, eye, vertex)
             complete &= covered & defined
             ends.append((difference, q, mi.Vector3f(m)))
         # Where the two sides change at different rates, a step or an outline lies between.
-        bend, turn = ends[0][0] + ends[1][0] - 2 * centre, ends[0][0] - ends[1][0]
+        bend, turn = ends[0][0] + ends[1][0] - 2 * f, ends[0][0] - ends[1][0]
         smooth &= dr.squared_norm(bend) <= BEND * dr.squared_norm(turn)
-        bent += dr.squared_norm(bend)
+        second += dr.squared_norm(bend)
         rates.append([0.5 * (a - b) for a, b in zip(*ends, strict=True)])
-    (dc, pc, nc), (dr_, pr, nr) = rates
-    return centre, dc, dr_, p, n, pc, pr, nc, nr, complete, complete & smooth, bent
+    (f_column, p_column, n_column), (f_row, p_row, n_row) = rates
+    return Differential(
+        column=column,
+        row=row,
+        f=f,
+        f_column=f_column,
+        f_row=f_row,
+        p=p,
+        p_column=p_column,
+        p_row=p_row,
+        n=n,
+        n_column=n_column,
+        n_row=n_row,
+        complete=complete,
+        smooth=complete & smooth,
+        second=second,
+    )
 
 
 def least_squares(f: mi.Vector3f, a: mi.Vector3f, b: mi.Vector3f) -> tuple[mi.Float, mi.Float, mi.Bool]:
@@ -282,14 +237,7 @@ def least_squares(f: mi.Vector3f, a: mi.Vector3f, b: mi.Vector3f) -> tuple[mi.Fl
     return dr.clip(x, -1, 1), dr.clip(y, -1, 1), explained
 
 
-def between(view, p, n, p_column, p_row, n_column, n_row, column, row, x, y) -> tuple[mi.Point3f, mi.Normal3f]:
-    """The point on the eye's ray through (column + x, row + y) and its unit normal, from a texel's and their rates."""
-    q = p + x * p_column + y * p_row
-    on_ray = depths.on_ray(view, mi.Float(column) + x + 0.5, mi.Float(row) + y + 0.5, depths.offset(view, q))
-    return on_ray, mi.Normal3f(dr.normalize(mi.Vector3f(n) + x * n_column + y * n_row))
-
-
-@dataclasses.dataclass
+@dataclass
 class Found:
     """What a search ended with, one lane per vertex.
 
@@ -302,7 +250,8 @@ class Found:
     valid        converged, and the normal is turned to the eye
     border       the search was stopped by the edge of the texture
     residual     |half vector - normal| at R
-    iterations   neighbourhoods examined; reads: texels evaluated while climbing; 0 for inactive lanes
+    iterations   neighbourhoods examined; 0 for inactive lanes
+    reads        texels evaluated while climbing
     """
 
     column: mi.Int32
@@ -319,23 +268,20 @@ class Found:
     reads: mi.UInt32
 
 
-def find(kind, neighbourhood, subtexel: bool, texels, view, vertex, column, row, stride, active, max_iter) -> Found:
-    """The reflection point of each vertex: climb from (column, row), then look around the texel where that ended."""
-    column, row, _, iterations, reads, settled = climb(
-        kind, neighbourhood, texels, view, vertex, column, row, stride, active, max_iter
-    )
-    difference, d_column, d_row, R, n, p_column, p_row, n_column, n_row, complete, smooth, bent = around(
-        texels, view, column, row, vertex, active
-    )
-    covered = fetch(texels, view, column, row, active)[0]
-    x, y, explained = least_squares(difference, d_column, d_row)
+def find(options: Options, texture: Texture, vertex: mi.Point3f, start: Start, active: mi.Bool, max_iter: mi.UInt32) -> Found:
+    """The reflection point of each vertex: climb from `start`, then look around the texel where that ended."""
+    view, top = texture.view, climb(options, texture, vertex, start, active, max_iter)
+    column, row = top.column, top.row
+    here = differential(texture, column, row, vertex, active)
+    covered, R, n = texture.at(column, row, active)[0], here.p, here.n
+    x, y, explained = least_squares(here.f, here.f_column, here.f_row)
     # Across a fold of the mirror the rates mean nothing, and what they promise does not come true.
-    refined = between(view, R, n, p_column, p_row, n_column, n_row, column, row, x, y)
-    step = dr.minimum(dr.squared_norm(d_column), dr.squared_norm(d_row))
+    refined = here.at(view, x, y)
+    step = dr.minimum(dr.squared_norm(here.f_column), dr.squared_norm(here.f_row))
     kept = dr.squared_norm(mismatch(*refined, view.eye, vertex)[0]) <= dr.square(KEPT) * step
-    certain = explained & smooth & settled & kept
-    if subtexel:
-        R, n = dr.select(complete, refined[0], R), dr.select(complete, refined[1], n)
+    certain = explained & here.smooth & top.settled & kept
+    if options.subtexel:
+        R, n = dr.select(here.complete, refined[0], R), dr.select(here.complete, refined[1], n)
     in_front = dr.dot(vertex - R, n) > 0
     residual = dr.norm(mismatch(R, n, view.eye, vertex)[0])
     stray = in_front & ~certain & (residual > STRAY)
@@ -343,9 +289,7 @@ def find(kind, neighbourhood, subtexel: bool, texels, view, vertex, column, row,
     edge = (column == 0) | (row == 0) | (column == view.width - 1) | (row == view.height - 1)
     # Between texels, second differences leave an eighth of them unknown. Where B - N hardly changes in some direction, as at a
     # focus, that moves the point by pixels.
-    aa, ab, bb = dr.squared_norm(d_column), dr.dot(d_column, d_row), dr.squared_norm(d_row)
-    least = 0.5 * (aa + bb - dr.sqrt(dr.square(aa - bb) + 4 * ab * ab))
-    converged = reflected & certain & (bent <= dr.square(8 * UNKNOWN_PX) * least)
+    converged = reflected & certain & (here.second <= dr.square(8 * UNKNOWN_PX) * here.least_change())
     return Found(
         column=column,
         row=row,
@@ -357,6 +301,6 @@ def find(kind, neighbourhood, subtexel: bool, texels, view, vertex, column, row,
         valid=converged & (dr.dot(view.eye - R, n) > 0),
         border=active & edge & ~certain,
         residual=residual,
-        iterations=dr.select(active, iterations, 0),
-        reads=reads,
+        iterations=dr.select(active, top.iterations, 0),
+        reads=top.reads,
     )

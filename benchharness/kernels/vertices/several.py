@@ -13,6 +13,7 @@ ends come first. What is not seen is kept after them if there is room: a triangl
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -20,8 +21,11 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from benchharness.kernels import geometry, placement
-from benchharness.kernels.placement import Place, unit
-from benchharness.kernels.vertices import newton, vertexwise
+from benchharness.kernels.placement import MirrorFrame
+from benchharness.kernels.types import Frame, Vertices, View
+from benchharness.kernels.vertices import mirrormesh, newton, sight
+from benchharness.kernels.vertices.mirrormesh import MirrorMesh, SurfacePoint
+from benchharness.kernels.vertices.problems import Problem
 
 SEEDS = 1024  # points of the mirror; half as many miss four times as many reflections of a ball with bumps
 AROUND = 6  # neighbours that a seed is compared with; more hide one of two reflections that are close
@@ -29,17 +33,16 @@ AGREES = 0.3  # least cosine of half vector and normal where a search starts
 MORE = 2  # starts beyond twice the reflections that there is room for: some come to the same point, some to none
 APART = 1.0  # pixels at the point's depth, and
 APART_SHARE = 2e-3  # of the mirror's size: points nearer to each other are one
-LIFT = 1e-4  # of the mirror's size; rays that ask whether the mirror meets itself start this far in front of it
 NONE = 0xFFFF_FFFF
 FIRST, SECOND = 0, 1  # rank of ends: those that are seen come first
 
 
 @dataclass
 class Seeds:
-    """Points of a mirror's mesh at which searches may start; object space.
+    """Points of a mirror's mesh at which searches may start, in the mirror's frame.
 
     triangles   the triangles that they are the middles of
-    middles     8 floats each: middle, 1 if it is a mirror on both sides, unit normal there, 0
+    middles     as `mirrormesh.middles_of` has them
     neighbours  AROUND numbers of the nearest other seeds each
     count       how many
     closed      whether no back of the mirror is ever seen
@@ -53,23 +56,25 @@ class Seeds:
 
 
 def seeds(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, backs: bool = True) -> Seeds:
-    """From host arrays as `newton.mesh` takes them."""
-    chosen = newton.spread(vertices, faces, SEEDS)
-    both = np.full((len(chosen), 1), backs) & ~geometry.oriented_closed_faces(vertices, faces)[chosen][:, None]
+    """The seeds of a mesh, given as `mirrormesh.build` takes it."""
+    chosen = mirrormesh.spread(vertices, faces, SEEDS)
+    both = np.full(len(chosen), backs) & ~geometry.oriented_closed_faces(vertices, faces)[chosen]
     middle = vertices[faces[chosen]].mean(axis=1)
-    normal = normals[faces[chosen]].sum(axis=1)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
     # A mirror of few triangles has few seeds: a seed may be its own neighbour, which changes nothing.
     near = KDTree(middle).query(middle, min(AROUND + 1, len(chosen)))[1].reshape(len(chosen), -1)[:, 1:]
     around = np.tile(np.arange(len(chosen))[:, None], (1, AROUND))
     around[:, : near.shape[1]] = near
-    packed = np.hstack([middle, both, normal, 0 * both]).astype(np.float32)
-    arrays = mi.UInt32(chosen.astype(np.uint32)), mi.Float(packed.ravel()), mi.UInt32(around.astype(np.uint32).ravel())
-    return Seeds(*arrays, len(chosen), not both.any())
+    return Seeds(
+        triangles=mi.UInt32(chosen.astype(np.uint32)),
+        middles=mirrormesh.middles_of(vertices, normals, faces[chosen], both),
+        neighbours=mi.UInt32(around.astype(np.uint32).ravel()),
+        count=len(chosen),
+        closed=not both.any(),
+    )
 
 
 def tries(multi: int) -> int:
-    """Searches per vertex."""
+    """How many searches are made per vertex."""
     return 2 * multi + MORE
 
 
@@ -77,33 +82,31 @@ def tries(multi: int) -> int:
 class Starts:
     """Where `tries` searches per vertex start.
 
-    vertex, V  of each lane; world space
-    where      the same in the mirror's
-    on, P      the point of the mesh
-    active     whether there is a start
-    touches    V lies on the mirror there
+    vertex   of each lane
+    V        its position in the world,
+    local    and in the mirror's frame
+    on       the point of the mesh,
+    P        and its position
+    active   whether there is a start
+    touches  V lies on the mirror there
     """
 
     vertex: mi.UInt32
     V: mi.Point3f
-    where: Place
-    on: newton.Where
+    local: MirrorFrame
+    on: SurfacePoint
     P: mi.Point3f
     active: mi.Bool
     touches: mi.Bool
 
 
 @dr.syntax
-def _choose(grid: Seeds, where: Place, active, most: int) -> tuple[list, list]:
-    """The `most` seeds that agree best of those that agree better than their neighbours: how well, and which."""
+def _choose(grid: Seeds, local: MirrorFrame, active: mi.Bool, most: int) -> list[mi.UInt32]:
+    """The `most` seeds that agree best of those that agree better than their neighbours."""
     values = dr.alloc_local(mi.Float, grid.count)
     k = mi.UInt32(0)
     while dr.hint(active & (k < grid.count), label="compare half vector and normal at the seeds"):
-        point, normal = (dr.gather(mi.Vector4f, grid.middles, 2 * k + i) for i in (0, 1))
-        P, N = point.xyz, normal.xyz
-        w_E, w_V = unit(where.eye - P), unit(where.V - P)
-        N = dr.select((point.w > 0) & (dr.dot(N, w_E) < 0), -N, N)
-        values[k] = dr.dot(unit(w_E + w_V), N)
+        values[k] = mirrormesh.agreement(grid.middles, k, local)[0]
         k += 1
     agreement, chosen = [mi.Float(AGREES) for _ in range(most)], [mi.UInt32(NONE) for _ in range(most)]
     k = mi.UInt32(0)
@@ -118,41 +121,49 @@ def _choose(grid: Seeds, where: Place, active, most: int) -> tuple[list, list]:
             agreement[i], chosen[i] = dr.select(better, value, agreement[i]), dr.select(better, index, chosen[i])
             value, index = moved_value, moved_index
         k += 1
-    return agreement, chosen
+    return chosen
 
 
-def begin(grid: Seeds, mirror: newton.Mesh, pose: list, view, points, part, shown_parts, count: int, multi: int) -> Starts:
-    """The starts of every vertex of the scene (`vertexwise.vertices`). One more, in place of the last, where V is close to the
-    mirror: right behind it, where the half vector changes within less than seeds are apart."""
-    most = tries(multi)
-    lane, V, active = vertexwise.vertices(points, part, shown_parts, count)
-    where = placement.place(pose, V, view)
-    sight = newton.look_at(mirror, where, active)
-    _, chosen = _choose(grid, where, active, most)
+def begin(grid: Seeds, mesh: MirrorMesh, problem: Problem, multi: int) -> Starts:
+    """The starts of every vertex of the scene. One more, in place of the last, where V is close to the mirror: right behind it,
+    where the half vector changes within less than seeds are apart."""
+    most, count = tries(multi), problem.count
+    pose, view = problem.pose, problem.view
+    lane, V, active = problem.vertices()
+    local = placement.mirror_frame(pose, V, view)
+    seen = sight.look_at(mesh, local, active)
+    chosen = _choose(grid, local, active, most)
     triangle, weights = dr.empty(mi.UInt32, most * count), dr.empty(mi.Float, 2 * most * count)
     for i, index in enumerate(chosen):
         there = active & (index != NONE)
         own, b = dr.select(there, dr.gather(mi.UInt32, grid.triangles, index, there), NONE), mi.Point2f(1 / 3)
         if i == most - 1:
-            own, b = dr.select(sight.near, sight.on.triangle, own), dr.select(sight.near, sight.on.b, b)
+            own, b = dr.select(seen.near, seen.on.triangle, own), dr.select(seen.near, seen.on.b, b)
         dr.scatter(triangle, own, i * count + lane)
         dr.scatter(weights, b, i * count + lane)
-    touching = mi.Bool(sight.touches)
+    touching = mi.Bool(seen.touches)
     dr.eval(triangle, weights, touching)
 
     lane = dr.arange(mi.UInt32, most * count)
     vertex = lane % count
     triangle = dr.gather(mi.UInt32, triangle, lane)
     active = triangle != NONE
-    on = newton.Where(dr.select(active, triangle, 0), dr.gather(mi.Point2f, weights, lane))
-    V = mi.Point3f(dr.gather(mi.Vector4f, points, vertex).xyz)
-    touches = (lane >= (most - 1) * count) & dr.gather(mi.Bool, touching, vertex)
-    return Starts(vertex, V, placement.place(pose, V, view), on, newton.position(mirror, on, active), active, touches)
+    on = SurfacePoint(dr.select(active, triangle, 0), dr.gather(mi.Point2f, weights, lane))
+    V = mi.Point3f(dr.gather(mi.Vector4f, problem.world.points, vertex).xyz)
+    return Starts(
+        vertex=vertex,
+        V=V,
+        local=placement.mirror_frame(pose, V, view),
+        on=on,
+        P=mirrormesh.position(mesh, on, active),
+        active=active,
+        touches=(lane >= (most - 1) * count) & dr.gather(mi.Bool, touching, vertex),
+    )
 
 
 @dataclass
 class Ends:
-    """Where the searches ended, a lane per start; mirror's space. Fields as in `newton.Solution`.
+    """Where the searches ended, a lane per start, in the mirror's frame. Fields as in `newton.Solution`.
 
     reflected  R is near enough to a reflection point to be drawn
     on         where on the mesh R is, None if the search does not know
@@ -164,7 +175,7 @@ class Ends:
     converged: mi.Bool
     residual: mi.Float
     iterations: mi.UInt32
-    on: newton.Where | None
+    on: SurfacePoint | None
 
 
 @dataclass
@@ -190,56 +201,37 @@ class Found:
     work: mi.UInt32
 
 
-def is_seen(mirror: newton.Mesh, where: Place, R: mi.Point3f, n: mi.Normal3f, active) -> mi.Bool:
-    """Whether no part of the mirror stands between its point R and the eye, nor between R and V; mirror's space."""
-    free = is_free(mirror, R, n, where.eye, active)
-    return is_free(mirror, R, n, where.V, free)
+def valid(meshes: list[MirrorMesh], first: int, frame: Frame, points: mi.Float, found: Vertices) -> mi.Bool:
+    """Which valid reflections, one per vertex, the mirror hides neither from the eye nor from the vertex. It has not been
+    evaluated: rays are cast when somebody reads it.
 
-
-def is_free(mirror: newton.Mesh, R: mi.Point3f, n: mi.Normal3f, end: mi.Point3f, active) -> mi.Bool:
-    """Whether no part of the mirror stands between its point R and another point, such as the eye; mirror's space."""
-    lifted = R + LIFT * mirror.size * mi.Vector3f(n)
-    d = end - lifted
-    length = dr.norm(d)
-    ray = mi.Ray3f(lifted, d * dr.rcp(dr.maximum(length, 1e-20)))
-    ray.maxt = dr.maximum(length - newton.SHADOWED * mirror.size, 0)
-    return active & ~mirror.scene.ray_test(ray, active=active)
-
-
-def valid(mirrors: list[newton.Mesh], first: int, frame, points, report: dict) -> mi.Bool:
-    """Which of the reflections in a report (`benchharness.api.Vertices`, one per vertex) the mirror hides neither from the eye
-    nor from the vertex. It has not been evaluated: rays are cast when somebody reads it.
-
-    mirrors  one per reflector; those that are convex are not asked
-    first    part number of the first
-    points   of the scene; see `kernels.geometry.Geometry`
-    report   lanes as there, `valid` where there is a reflection
+    meshes  one per reflector; those that are convex are not asked
+    first   part number of the first
+    points  of the scene; see `kernels.geometry.Geometry`
     """
-    valid, hidden, count = report["valid"], mi.Bool(False), dr.width(points) // 4
-    lane = dr.arange(mi.UInt32, len(mirrors) * count)
+    hidden, count = mi.Bool(False), dr.width(points) // 4
+    lane = dr.arange(mi.UInt32, len(meshes) * count)
     V = mi.Point3f(dr.gather(mi.Vector4f, points, lane % count).xyz)
-    for i, mirror in enumerate(mirrors):
-        if not mirror.convex:
+    for i, mesh in enumerate(meshes):
+        if not mesh.convex:
             pose = placement.pose_of(frame.poses, mi.UInt32(first + i))
-            where, R = placement.place(pose, V, frame.view), placement.place(pose, report["R"], frame.view).V
-            asked = valid & (lane >= i * count) & (lane < (i + 1) * count)
-            hidden |= asked & ~is_seen(mirror, where, R, placement.normal_to_mirror(pose, report["n"]), asked)
-    return valid & ~hidden
+            local, R = (placement.mirror_frame(pose, p, frame.view) for p in (V, found.R))
+            asked = found.valid & (lane >= i * count) & (lane < (i + 1) * count)
+            n = placement.normal_to_mirror(pose, found.n)
+            hidden |= asked & ~sight.is_seen(mesh, local, R.V, n, asked)
+    return found.valid & ~hidden
 
 
-def finish(ends: Ends, starts: Starts, mirror: newton.Mesh, pose: list, view, count: int, multi: int) -> Found:
+def finish(ends: Ends, starts: Starts, mesh: MirrorMesh, problem: Problem, multi: int) -> Found:
     """Which ends are different points in front of the eye, those that are seen first, in the order of their starts."""
-    most, where = tries(multi), starts.where
-    in_view = dr.dot(where.w, mi.Vector4f(ends.R.x, ends.R.y, ends.R.z, 1)) > view.near
+    pose, local = problem.pose, starts.local
+    in_view = dr.dot(local.w, mi.Vector4f(ends.R.x, ends.R.y, ends.R.z, 1)) > problem.view.near
     reflected = starts.active & ends.reflected & in_view
     on = ends.on
     if on is None:
-        ray, _ = newton.sight_line(mirror, where.eye, ends.R)
-        hit = mirror.scene.ray_intersect_preliminary(ray, coherent=False, active=reflected)
-        met = reflected & hit.is_valid()
-        on = newton.Where(dr.select(met, hit.prim_index, 0), mi.Point2f(dr.select(met, hit.prim_uv, 0)))
-    kind = newton.kind(mirror, where, on, reflected)
-    seen = reflected & is_seen(mirror, where, ends.R, ends.n, reflected)
+        on, _ = sight.first_met(mesh, sight.sight_line(mesh, local.eye, ends.R)[0], reflected)
+    kind = newton.kind(mesh, local, on, reflected)
+    seen = reflected & sight.is_seen(mesh, local, ends.R, ends.n, reflected)
     rank = dr.select(seen, mi.UInt32(FIRST), dr.select(reflected, mi.UInt32(SECOND), NONE))
     converged = reflected & ends.converged
     iterations = dr.select(starts.active, ends.iterations, 0)
@@ -247,21 +239,52 @@ def finish(ends: Ends, starts: Starts, mirror: newton.Mesh, pose: list, view, co
     residual = dr.select(reflected, ends.residual, 0)
     dr.eval(R, n, converged, kind, rank, residual, iterations)
 
-    # Per vertex: an end is left out where a better one is near. A place in the order: how many come before.
-    lane = dr.arange(mi.UInt32, count)
+    source, reflections = _ordered(R, rank, mesh, problem, multi)
+    work = per_vertex(iterations, problem.count, multi)
+    dr.eval(source, reflections, work)
+
+    source = dr.gather(mi.UInt32, source, dr.arange(mi.UInt32, multi * problem.count))
+    filled = source != NONE
+
+    def of(array: Any) -> Any:
+        return dr.gather(type(array), array, source, filled)
+
+    rank = of(rank)
+    R = placement.point_to_world(pose, of(R))
+    n = placement.normal_to_world(pose, of(n))
+    return Found(
+        R=mi.Point3f(dr.select(filled, R, 0)),
+        n=mi.Normal3f(dr.select(filled, n, 0)),
+        filled=filled,
+        converged=filled & of(converged),
+        seen=filled & (rank == FIRST),
+        kind=of(kind),
+        residual=of(residual),
+        iterations=of(iterations),
+        reflections=reflections,
+        work=work,
+    )
+
+
+def _ordered(R: mi.Point3f, rank: mi.UInt32, mesh: MirrorMesh, problem: Problem, multi: int) -> tuple[mi.UInt32, mi.UInt32]:
+    """Which end is the k-th reflection of vertex v, number k * count + v, NONE for none; and how many of a vertex are seen.
+
+    An end is left out where a better one is near. Its place is how many come before it.
+    """
+    most, count, view = tries(multi), problem.count, problem.view
+    lane, depth_row = dr.arange(mi.UInt32, count), _depth_row(problem.pose, view)
     near_by, ranks, points = [], [], []
     for i in range(most):
         at = i * count + lane
         points.append(dr.gather(mi.Point3f, R, at))
         ranks.append(dr.gather(mi.UInt32, rank, at))
-        depth = dr.dot(where_w(pose, view), mi.Vector4f(points[i].x, points[i].y, points[i].z, 1))
-        near_by.append(dr.maximum(APART * dr.norm(view.right) * depth, APART_SHARE * mirror.size))
+        depth = dr.dot(depth_row, mi.Vector4f(points[i].x, points[i].y, points[i].z, 1))
+        near_by.append(dr.maximum(APART * dr.norm(view.right) * depth, APART_SHARE * mesh.size))
     different = [r != NONE for r in ranks]
     for i in range(most):
         for j in range(i):
-            one = (
-                (ranks[i] != NONE) & (ranks[j] != NONE) & (dr.norm(points[i] - points[j]) < dr.minimum(near_by[i], near_by[j]))
-            )
+            near = dr.norm(points[i] - points[j]) < dr.minimum(near_by[i], near_by[j])
+            one = (ranks[i] != NONE) & (ranks[j] != NONE) & near
             different[i] &= ~(one & (ranks[j] <= ranks[i]))
             different[j] &= ~(one & (ranks[i] < ranks[j]))
     reflections = mi.UInt32(0)
@@ -274,27 +297,12 @@ def finish(ends: Ends, starts: Starts, mirror: newton.Mesh, pose: list, view, co
                 place += dr.select(different[j] & before, 1, 0)
         dr.scatter(source, i * count + lane, place * count + lane, different[i] & (place < multi))
         reflections += dr.select(different[i] & (ranks[i] == FIRST), 1, 0)
-    work = per_vertex(iterations, count, multi)
-    dr.eval(source, reflections, work)
-
-    source = dr.gather(mi.UInt32, source, dr.arange(mi.UInt32, multi * count))
-    filled = source != NONE
-
-    def of(array):
-        return dr.gather(type(array), array, source, filled)
-
-    rank = of(rank)
-    R = placement.point_to_world(pose, of(R))
-    n = placement.normal_to_world(pose, of(n))
-    return Found(
-        mi.Point3f(dr.select(filled, R, 0)), mi.Normal3f(dr.select(filled, n, 0)), filled,
-        filled & of(converged), filled & (rank == FIRST), of(kind), of(residual), of(iterations), reflections, work,
-    )  # fmt: skip
+    return source, reflections
 
 
-def where_w(pose: list, view) -> mi.Vector4f:
-    """The row that gives depths of points in the mirror's space."""
-    return placement.place(pose, mi.Point3f(0), view).w
+def _depth_row(pose: list[mi.Vector4f], view: View) -> mi.Vector4f:
+    """The row that gives depths of points in the mirror's frame."""
+    return placement.mirror_frame(pose, mi.Point3f(0), view).w
 
 
 def per_vertex(work: mi.UInt32, count: int, multi: int) -> mi.UInt32:

@@ -30,7 +30,8 @@ FLAT = 0.02  # cosine of the angle between a ray from the centre and the normal 
 
 @dataclass
 class StarMap:
-    """
+    """A mirror's map.
+
     texels  4 floats per texel: grad r, r; object space
     covered  1 per texel where the mirror is; beyond its rim, the texels go on as at the rim
     centre  O, object space
@@ -61,7 +62,7 @@ def directions(n: int) -> np.ndarray:
     return (out / np.linalg.norm(out, axis=-1, keepdims=True)).reshape(-1, 3)
 
 
-def packed(r: np.ndarray, gradient: np.ndarray, covered: np.ndarray, centre, side: float, n: int) -> StarMap:
+def packed(r: np.ndarray, gradient: np.ndarray, covered: np.ndarray, centre: np.ndarray, side: float, n: int) -> StarMap:
     """The map of r [T], grad r [T, 3] and covered [T] at the T directions of `directions(n)`."""
     d = directions(n)
     if not covered.all():
@@ -133,7 +134,9 @@ def _checked(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, n: in
     return centre, d, r, normal, hit, steep, side
 
 
-def _met(vertices, normals, faces, centre, d) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _met(
+    vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, centre: np.ndarray, d: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Where rays from `centre` along d [T, 3] meet the mesh: distance [T], unit normal [T, 3], hit [T], hit again [T]."""
     # Texels and vertices often lie on the same meridians.
     scene = mitsuba_mesh.scene(vertices - centre, faces)
@@ -157,14 +160,14 @@ def _met(vertices, normals, faces, centre, d) -> tuple[np.ndarray, np.ndarray, n
     return np.array(distance), np.array(normal).T, np.array(hit), np.array(again & hit)
 
 
-def sample(star: StarMap, u: mi.Vector3f, active=True) -> tuple[mi.Float, mi.Vector3f]:
+def sample(star: StarMap, u: mi.Vector3f, active: mi.Bool | bool = True) -> tuple[mi.Float, mi.Vector3f]:
     """r and grad r in the unit direction u."""
     value = cubemap.lookup(star.texels, star.n, u, active)
     gradient = mi.Vector3f(value.x, value.y, value.z)
     return value.w, gradient - dr.dot(gradient, u) * u
 
 
-def is_covered(star: StarMap, u: mi.Vector3f, active=True) -> mi.Bool:
+def is_covered(star: StarMap, u: mi.Vector3f, active: mi.Bool | bool = True) -> mi.Bool:
     """Whether the mirror is there in direction u, to the nearest texel."""
     face, x, y = cubemap.face_of(u)
     column = dr.clip(mi.Int32((x + 1) * (0.5 * star.n)), 0, star.n - 1) + 1

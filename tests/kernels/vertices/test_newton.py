@@ -16,7 +16,8 @@ from support.small_room import box, quad, sphere
 from support.star_shapes import Bumpy, Cylinder, Ellipsoid, Sphere, lowest, truths
 from support.truth_shapes import alhazen, unit
 
-from benchharness.kernels.vertices import newton, starmap
+from benchharness.kernels.vertices import mirrormesh, newton, starmap
+from benchharness.kernels.vertices.sight import located, look_at
 from benchharness.measure import truth
 from benchharness.scene import Mesh
 from scenes.props import bowls
@@ -58,9 +59,9 @@ CONVEX = ("icosphere", "meridians", "ellipsoid")
 
 
 @cache
-def ready(name: str) -> newton.Mesh:
+def ready(name: str) -> mirrormesh.MirrorMesh:
     mesh = MESHES[name]
-    return newton.mesh(mesh.vertices, mesh.normals, mesh.faces)
+    return mirrormesh.build(mesh.vertices, mesh.normals, mesh.faces)
 
 
 def around(seed, count, least=1.8):
@@ -158,7 +159,7 @@ def test_saddles_and_maxima_of_the_paths_length_are_found_too():
 
     where, everywhere = place(V, eye, (-0.2, 0.0, 0.6)), dr.full(mi.Bool, True, len(V))
     aside = unit(R + 0.01 * np.cross(R, unit(rng.normal(size=R.shape))))
-    first, met = newton.located(ready("hemisphere"), mi.Point3f(0), mi.Vector3f(points(aside)), everywhere)
+    first, met = located(ready("hemisphere"), mi.Point3f(0), mi.Vector3f(points(aside)), everywhere)
     s, _ = walked(ready("hemisphere"), where, first)
     back = np.array(s.converged) & (np.linalg.norm(host(s.R) - R, axis=1) < 0.01)
     steep = np.abs(l).min(axis=1) > 0.2  # elsewhere a hundredth may be over a fold of the image
@@ -195,7 +196,7 @@ def test_at_a_focus_where_the_hessian_is_singular_it_stays_finite_and_ends():
 def test_between_the_foci_of_an_ellipsoid_every_point_will_do():
     shape = Ellipsoid(half=(1.0, 1.0, 1.4))
     inner, focus = turned_over(shape.mesh(4)), np.array([0.0, 0.0, np.sqrt(1.4**2 - 1)])
-    s, _ = walked(newton.mesh(inner.vertices, inner.normals, inner.faces), place(-focus[None], focus, -focus))
+    s, _ = walked(mirrormesh.build(inner.vertices, inner.normals, inner.faces), place(-focus[None], focus, -focus))
     assert all_finite(s) and np.array(s.iterations)[0] <= 60
     R = host(s.R)[0]
     np.testing.assert_allclose(np.linalg.norm(R / [1, 1, 1.4]), 1, atol=3e-3)
@@ -292,13 +293,13 @@ def test_candidates_are_spread_over_the_whole_mirror():
         mesh = MESHES[name]
         middles = mesh.vertices[mesh.faces].mean(axis=1)
         chosen = np.array(ready(name).candidates)
-        assert len(np.unique(chosen)) == newton.CANDIDATES
+        assert len(np.unique(chosen)) == mirrormesh.CANDIDATES
         gap = np.linalg.norm(middles[:, None] - middles[chosen], axis=2).min(axis=1).max()
         apart = np.linalg.norm(middles[chosen][:, None] - middles[chosen], axis=2)
         # Each is the farthest from those before it: no two are closer than the widest gap that is left.
         assert apart[~np.eye(len(chosen), dtype=bool)].min() >= gap - 1e-12
     small = quad((-1, 0, -1), (2, 0, 0), (0, 0, 2))
-    assert sorted(np.array(newton.mesh(small.vertices, small.normals, small.faces).candidates)) == [0, 1]
+    assert sorted(np.array(mirrormesh.build(small.vertices, small.normals, small.faces).candidates)) == [0, 1]
 
 
 def test_a_cold_search_starts_at_the_candidate_that_agrees_best():
@@ -316,7 +317,7 @@ def test_a_cold_search_starts_at_the_candidate_that_agrees_best():
     np.testing.assert_allclose(score[np.arange(len(V)), at], score.max(axis=1), atol=1e-6)
     np.testing.assert_allclose(np.array(got.b), 1 / 3, atol=1e-7)
     assert np.array(promising).all()
-    _, promising = newton.best_candidate(mirror, place(V, eye, target), dr.full(mi.Bool, True, len(V)), mi.Bool(True))
+    _, promising = newton.best_candidate(mirror, place(V, eye, target), dr.full(mi.Bool, True, len(V)), briefly=mi.Bool(True))
     near = cosine[:, : newton.BRIEFLY].max(axis=1)
     clear = np.abs(near - newton.PROMISING) > 1e-5
     np.testing.assert_array_equal(np.array(promising)[clear], near[clear] > newton.PROMISING)
@@ -326,20 +327,20 @@ def test_a_cold_search_starts_at_the_candidate_that_agrees_best():
 def test_a_ray_from_a_centre_says_where_on_the_mesh(name):
     u, mesh = unit(np.random.default_rng(5).normal(size=(200, 3))), MESHES[name]
     centre = (0.0, 0.0, 0.0) if name == "icosphere" else (1.0, 0.0, 0.0)  # within the tube
-    on, met = newton.located(ready(name), mi.Point3f(*centre), mi.Vector3f(points(u)), dr.full(mi.Bool, True, len(u)))
+    on, met = located(ready(name), mi.Point3f(*centre), mi.Vector3f(points(u)), dr.full(mi.Bool, True, len(u)))
     assert np.array(met).all()
     b1, b2 = np.array(on.b, np.float64)
     corners = mesh.vertices[mesh.faces[np.array(on.triangle)]]
     P = (1 - b1 - b2)[:, None] * corners[:, 0] + b1[:, None] * corners[:, 1] + b2[:, None] * corners[:, 2]
     np.testing.assert_allclose(unit(P - centre), u, atol=2e-6)
-    none, met = newton.located(ready(name), mi.Point3f(9, 0, 0), mi.Vector3f(1, 0, 0), dr.full(mi.Bool, True, 1))
+    none, met = located(ready(name), mi.Point3f(9, 0, 0), mi.Vector3f(1, 0, 0), dr.full(mi.Bool, True, 1))
     assert not np.array(met).any() and np.array(none.triangle)[0] == 0
 
 
 def test_rays_do_not_slip_through_edges_that_they_run_along():
     """As the texels of a star map and the meridians of a mesh do."""
     u = starmap.directions(64)
-    _, met = newton.located(ready("meridians"), mi.Point3f(0), mi.Vector3f(points(u)), dr.full(mi.Bool, True, len(u)))
+    _, met = located(ready("meridians"), mi.Point3f(0), mi.Vector3f(points(u)), dr.full(mi.Bool, True, len(u)))
     assert np.array(met).all()
 
 
@@ -348,7 +349,7 @@ def test_a_step_is_newtons_for_half_vector_and_interpolated_normal():
     rng = np.random.default_rng(12)
     corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.1, 0.2], [0.2, 0.9, -0.1]])
     normals = unit(np.cross(corners[1], corners[2]) + 0.4 * rng.normal(size=(3, 3)))
-    mirror = newton.mesh(corners, normals, np.array([[0, 1, 2]]))
+    mirror = mirrormesh.build(corners, normals, np.array([[0, 1, 2]]))
     # Vertices made from their reflection points, looked at from beside them: a little, or as far as the triangle reaches.
     b = rng.uniform(0.1, 0.45, (200, 2))
     weights = np.column_stack([1 - b.sum(axis=1), b])
@@ -356,7 +357,8 @@ def test_a_step_is_newtons_for_half_vector_and_interpolated_normal():
     w = unit(EYE - R)
     V = R + rng.uniform(0.3, 2, (200, 1)) * (2 * (w * N).sum(axis=1, keepdims=True) * N - w)
     b = b + rng.uniform(-1, 1, (200, 2)) * np.where(np.arange(200) < 150, 0.05, 0.3)[:, None]
-    at = newton.look(mirror, place(V), newton.Where(dr.zeros(mi.UInt32, 200), mi.Point2f(b.T.astype(np.float32))), True)
+    on = mirrormesh.SurfacePoint(dr.zeros(mi.UInt32, 200), mi.Point2f(b.T.astype(np.float32)))
+    at = newton.newton_step(mirror, place(V), on, True)
     p, n = np.broadcast_to(corners, (200, 3, 3)), np.broadcast_to(normals, (200, 3, 3))
 
     def f(b):
@@ -382,7 +384,7 @@ def test_what_touches_a_sheet_on_the_side_that_is_no_mirror_is_not_reflected():
     V = unit(np.array([[0.1, 0.2, 1.0], [-0.3, 0.1, 0.8]]))
     onto = mesh.vertices[np.linalg.norm(mesh.vertices - V[:, None], axis=2).argmin(axis=1)] * (1 - 1e-7)
     for backs in (True, False):
-        s, sight = walked(newton.mesh(mesh.vertices, mesh.normals, mesh.faces, backs), place(onto, LOWER, (0.0, 0.0, 1.0)))
+        s, sight = walked(mirrormesh.build(mesh.vertices, mesh.normals, mesh.faces, backs), place(onto, LOWER, (0.0, 0.0, 1.0)))
         assert np.array(sight.touches).all()
         assert (np.array(s.converged) == backs).all()
 
@@ -396,7 +398,7 @@ def test_a_shadow_is_where_the_way_from_the_eye_runs_through(shape):
     V = V[np.abs(shape.height(V)) > 0.02]
     deep = lowest(shape, EYE, V)
     mesh = shape.mesh(4)
-    sight = newton.look_at(newton.mesh(mesh.vertices, mesh.normals, mesh.faces), place(V), dr.full(mi.Bool, True, len(V)))
+    sight = look_at(mirrormesh.build(mesh.vertices, mesh.normals, mesh.faces), place(V), dr.full(mi.Bool, True, len(V)))
     clear = (deep < -0.02) | (deep > 0)  # the mesh lies up to 0.01 beneath the shape
     assert 100 < (deep < -0.02).sum() < len(V) - 100
     np.testing.assert_array_equal(np.array(sight.shadow)[clear], (deep < 0)[clear])
@@ -406,11 +408,11 @@ def test_a_shadow_is_where_the_way_from_the_eye_runs_through(shape):
 def test_nothing_is_in_the_shadow_of_what_lies_behind_it_or_of_where_it_stands():
     P, N = on_the_mesh(100, 0.3, 1.0)
     for V, near, touches in ((P, True, True), (P + 0.005 * N, True, False), (P + 0.5 * N, False, False)):
-        sight = newton.look_at(ready("icosphere"), place(V), dr.full(mi.Bool, True, len(V)))
+        sight = look_at(ready("icosphere"), place(V), dr.full(mi.Bool, True, len(V)))
         assert not np.array(sight.shadow).any()
         assert np.array(sight.near).all() == near and np.array(sight.near).any() == near
         assert np.array(sight.touches).all() == touches and np.array(sight.touches).any() == touches
-    inactive = newton.look_at(ready("icosphere"), place(0 * P), dr.zeros(mi.Bool, len(P)))
+    inactive = look_at(ready("icosphere"), place(0 * P), dr.zeros(mi.Bool, len(P)))
     assert not np.array(inactive.shadow).any()
 
 
@@ -437,14 +439,14 @@ def test_nothing_is_in_the_shadow_of_what_lies_behind_it_or_of_where_it_stands()
     ],
 )
 def test_convexity_is_known(mesh, convex):
-    assert newton.is_convex(mesh.vertices, mesh.faces) is convex
+    assert mirrormesh.is_convex(mesh.vertices, mesh.faces) is convex
 
 
 def test_a_dent_makes_it_concave_and_rounding_does_not():
     mesh = Sphere().mesh(2)
     dent = mesh.vertices.copy()
     dent[7] *= 0.94  # its neighbours, 0.3 away, lie in a plane that is 0.045 lower than the sphere
-    assert not newton.is_convex(dent, mesh.faces)
+    assert not mirrormesh.is_convex(dent, mesh.faces)
     # A hollow as wide as a fine mesh's cap is deeper at no single edge than 1e-5: rings 0.01 apart, a radius of 12.
     r = np.linspace(np.sqrt(1 - 0.9**2), 0, 44)
     angle = np.linspace(-np.pi / 2, np.arcsin(0.9), 200)
@@ -453,9 +455,9 @@ def test_a_dent_makes_it_concave_and_rounding_does_not():
     for bend, convex in ((0.0, True), (0.04, False)):
         cap = np.stack([r, 0.9 - bend * (1 - 0.9**2) + bend * r**2], axis=1)
         made = trimesh.creation.revolve(np.concatenate([round_[:-1], cap]), sections=256)
-        assert newton.is_convex(made.vertices, made.faces) is convex
+        assert mirrormesh.is_convex(made.vertices, made.faces) is convex
     rough = (mesh.vertices + 100).astype(np.float32).astype(np.float64)
-    assert newton.is_convex(rough, mesh.faces)
+    assert mirrormesh.is_convex(rough, mesh.faces)
 
 
 # Invariance.

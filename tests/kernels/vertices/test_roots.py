@@ -19,7 +19,7 @@ from support.tiers import exhaustive
 
 from benchharness.api import Method
 from benchharness.kernels.pixels import WRONG_PX
-from benchharness.kernels.vertices.newton import NEAREST
+from benchharness.kernels.vertices.mirrormesh import NEAREST
 
 SIZE = (320, 240)
 COUNT = 6_000

@@ -10,6 +10,7 @@ from support.search_textures import EYE, SHAPES, SIZE, camera, on_screen, textur
 from support.truth_shapes import alhazen, reverse_constructed, unit
 
 from benchharness.kernels.vertices import search
+from benchharness.kernels.vertices.textures import Texture
 from benchharness.render.frame import view_of
 
 
@@ -20,10 +21,13 @@ def find(shape, V, *, cam=None, size=SIZE, kind="sq", neighbourhood="cross_then_
     vertices = mi.Point3f(np.asarray(V, np.float32).T)
     lanes = len(V)
     found = search.find(
-        kind, neighbourhood, subtexel, texture(shape, cam, size), view, vertices,
-        dr.full(mi.Int32, column, lanes), dr.full(mi.Int32, row, lanes), dr.full(mi.Int32, stride, lanes),
-        dr.full(mi.Bool, True, lanes), dr.opaque(mi.UInt32, 4096),
-    )  # fmt: skip
+        search.Options(kind, neighbourhood, subtexel),
+        Texture(texture(shape, cam, size), view),
+        vertices,
+        search.Start(*(dr.full(mi.Int32, value, lanes) for value in (column, row, stride))),
+        dr.full(mi.Bool, True, lanes),
+        dr.opaque(mi.UInt32, 4096),
+    )
     dr.eval(found)
     return found
 
@@ -150,12 +154,15 @@ def test_inverse_search_ends_where_the_vertex_itself_is_seen():
     view = view_of(camera(), SIZE, SIZE, 0.01)
     lanes = len(V)
     vertices = mi.Point3f(V.astype(np.float32).T)
-    column, row, *_ = search.climb(
-        "inverse", "cross_then_diag", texture(SHAPES["sphere"], camera()), view, vertices,
-        dr.full(mi.Int32, SIZE // 2, lanes), dr.full(mi.Int32, SIZE // 2, lanes), dr.full(mi.Int32, 1, lanes),
-        dr.full(mi.Bool, True, lanes), dr.opaque(mi.UInt32, 4096),
-    )  # fmt: skip
-    texel = np.stack([np.array(column), np.array(row)], axis=1) + 0.5
+    top = search.climb(
+        search.Options("inverse", "cross_then_diag"),
+        Texture(texture(SHAPES["sphere"], camera()), view),
+        vertices,
+        search.Start(*(dr.full(mi.Int32, value, lanes) for value in (SIZE // 2, SIZE // 2, 1))),
+        dr.full(mi.Bool, True, lanes),
+        dr.opaque(mi.UInt32, 4096),
+    )
+    texel = np.stack([np.array(top.column), np.array(top.row)], axis=1) + 0.5
     assert np.linalg.norm(texel - on_screen(V), axis=1).max() < 1.5
 
 

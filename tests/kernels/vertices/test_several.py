@@ -13,7 +13,7 @@ from support.mirror_room import mirror_room, scene, shaded, still
 from support.truth_shapes import alhazen_inside, unit
 
 from benchharness.kernels import placement
-from benchharness.kernels.vertices import branches, newton, several, vertexwise
+from benchharness.kernels.vertices import branches, mirrormesh, newton, problems, several
 from benchharness.measure import completeness, truth
 from benchharness.measure.bench import Bench
 from benchharness.render.reference import ReferenceOptions
@@ -43,7 +43,7 @@ def slots(answer) -> list:
 def places(answer) -> tuple[np.ndarray, np.ndarray]:
     """Reflection points [N, K, 3] of the vertices of a scene with one mirror, and whether there is one [N, K]."""
     all_ = slots(answer)
-    return np.stack([lanes(v.R) for v in all_], 1), np.stack([np.array(v.region) == vertexwise.REFLECTED for v in all_], 1)
+    return np.stack([lanes(v.R) for v in all_], 1), np.stack([np.array(v.region) == problems.REFLECTED for v in all_], 1)
 
 
 def measured(made, method, size=(96, 72)):
@@ -103,7 +103,7 @@ def test_of_a_convex_mirror_nothing_changes(name, room, renderer):
 def test_a_path_by_way_of_a_concave_mirror_is_shortest_before_the_foci_longest_behind_and_between_neither():
     """T9. Incidence 60 degrees, eye at 1 from a sphere of radius 1: foci at 1 / (2 / cos - 1) = 1/3 and 2 cos = 1: none."""
     mesh_ = hollow_ball().mesh
-    mesh = newton.mesh(mesh_.vertices, mesh_.normals, mesh_.faces)
+    mesh = mirrormesh.build(mesh_.vertices, mesh_.normals, mesh_.faces)
     P = unit(np.array([0.3, 0.2, 0.9]))
     across = unit(np.cross(P, [1.0, 0, 0]))
     view = shaded(Newton(), mirror_room(), 0, size=(8, 8))[0].frame.view
@@ -113,8 +113,8 @@ def test_a_path_by_way_of_a_concave_mirror_is_shortest_before_the_foci_longest_b
         ray = mi.Ray3f(mi.Point3f(0), mi.Vector3f(P.tolist()))
         hit = mesh.scene.ray_intersect_preliminary(ray)
         eye, V = (mi.Point3f((P + d * w).tolist()) for d, w in zip((d_E, d_V), ways, strict=True))
-        where = placement.Place(eye, V, view.x, view.y, view.w)
-        return newton.kind(mesh, where, newton.Where(hit.prim_index, mi.Point2f(hit.prim_uv)), mi.Bool(True))[0]
+        where = placement.MirrorFrame(eye, V, view.x, view.y, view.w)
+        return newton.kind(mesh, where, mirrormesh.SurfacePoint(hit.prim_index, mi.Point2f(hit.prim_uv)), mi.Bool(True))[0]
 
     assert kind(np.pi / 3, 1.0, 0.25) == newton.MINIMUM
     assert kind(np.pi / 3, 1.0, 0.5) == newton.SADDLE
@@ -149,11 +149,18 @@ def test_triangles_join_reflections_of_one_branch():
     made, method = zones(0.35), Newton(multi=4)
     frame = shaded(method, made, 0, size=(96, 72))[0].frame
     state = method.update(method.prepare(made), frame)
-    seen, part = state.scenery, mi.UInt32(1)
-    pose = placement.pose_of(frame.poses, part)
-    arranged = _solve_several(
-        seen.world, seen.parts_shown("black"), state.mirrors[0], state.seeds[0], pose, part, frame.view, 4, mi.UInt32(60)
+    seen = state.scenery
+    problem = problems.Problem(
+        world=seen.world,
+        part=mi.UInt32(1),
+        shown_parts=seen.parts_shown("black"),
+        mirrors=None,
+        poses=frame.poses,
+        view=frame.view,
+        last_view=frame.view,
+        max_iter=mi.UInt32(60),
     )
+    arranged = _solve_several(problem, state.mirrors[0], state.seeds[0], 4)
     faces = np.array(arranged.triangles.faces).reshape(-1, 4)[:, :3]
     faces = faces[faces[:, 0] != faces[:, 1]]
     R = np.array(arranged.images.at).reshape(-1, 4)
