@@ -10,7 +10,6 @@ Its 0.2 m is a knee: edges of 0.25 m raise the FLIP of `image_space_search` by a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -209,67 +208,84 @@ def _triple(v: np.ndarray) -> tuple[float, float, float]:
     return x, y, z
 
 
+RED, WHITE, BLUE, GOLD = (0.66, 0.05, 0.04), (0.84, 0.82, 0.78), (0.05, 0.16, 0.46), (0.80, 0.52, 0.08)
+GREEN, ORANGE, TEAL, CREAM = (0.08, 0.34, 0.12), (0.84, 0.34, 0.05), (0.05, 0.38, 0.40), (0.80, 0.72, 0.55)
+LABELS: dict[str, list[tuple[float, Colour]]] = {
+    "cola": [(0.18, RED), (0.08, WHITE), (0.24, RED), (0.18, RED), (0.08, WHITE), (0.24, RED)],
+    "lemon": [(0.16, GOLD), (0.09, GREEN), (0.25, GOLD), (0.16, GOLD), (0.09, GREEN), (0.25, GOLD)],
+    "tonic": [(0.125, BLUE), (0.125, WHITE)] * 4,
+    "soup": [(0.30, RED), (0.20, CREAM)] * 2,
+    "peas": [(0.34, GREEN), (0.16, CREAM)] * 2,
+    "beans": [(0.32, BLUE), (0.18, CREAM)] * 2,
+    "peach": [(0.25, ORANGE), (0.25, CREAM)] * 2,
+    "tuna": [(0.125, TEAL), (0.125, CREAM)] * 4,
+    "orange": [(0.25, ORANGE), (0.25, WHITE)] * 2,
+    "blue": [(0.4, BLUE), (0.1, GOLD)] * 2,
+    "corn": [(0.3, GOLD), (0.2, GREEN)] * 2,
+}
+"""What is printed on the cans: shares of the circumference and their colours."""
+
+
+def _stand(name: str, mesh: Mesh, x: float, y: float, turn_deg: float, shows: str) -> Object:
+    return Object(name, placed(mesh, (x, y, -0.002), turn_deg), shows)
+
+
+def _lie(name: str, mesh: Mesh, at: tuple[float, float], turn_deg: float, shows: str) -> Object:
+    """A tin on its side."""
+    return Object(name, picnic.lying(mesh, 0.103, *at, turn_deg, 20.0), shows)
+
+
 def _cans(n: int, *, moving: bool) -> list[Object]:
     """Cans around the ants and behind the camera; one rolls."""
-    red, white, blue, gold = (0.66, 0.05, 0.04), (0.84, 0.82, 0.78), (0.05, 0.16, 0.46), (0.80, 0.52, 0.08)
-    green, orange, teal, cream = (0.08, 0.34, 0.12), (0.84, 0.34, 0.05), (0.05, 0.38, 0.40), (0.80, 0.72, 0.55)
-    cola = [(0.18, red), (0.08, white), (0.24, red), (0.18, red), (0.08, white), (0.24, red)]
-    lemon = [(0.16, gold), (0.09, green), (0.25, gold), (0.16, gold), (0.09, green), (0.25, gold)]
-    tonic = [(0.125, blue), (0.125, white)] * 4
-    soup = [(0.30, red), (0.20, cream)] * 2
-    peas = [(0.34, green), (0.16, cream)] * 2
-    beans = [(0.32, blue), (0.18, cream)] * 2
-    peach = [(0.25, orange), (0.25, cream)] * 2
-    tuna = [(0.125, teal), (0.125, cream)] * 4
-
-    def stand(name: str, mesh: Mesh, x: float, y: float, turn_deg: float, shows: str) -> Object:
-        return Object(name, placed(mesh, (x, y, -0.002), turn_deg), shows)
-
-    def lie(name: str, mesh: Mesh, radius: float, at: Sequence[float], turn_deg: float, shows: str) -> Object:
-        return Object(name, picnic.lying(mesh, radius, at[0], at[1], turn_deg, 20.0), shows)
-
     place = PLACES[1]
     bearing = np.radians(place.bearing_deg)
     x, y = COUNCIL[:2] + (place.away + 0.21) * np.array([np.cos(bearing), np.sin(bearing)])
     roll = Roll((0.25, -0.64, 0.085), (0.18, 0.03))
     across = np.degrees(np.arctan2(roll.way[1], roll.way[0]))
-    rolling = picnic.lying(picnic.soda(n, tonic), 0.085, *roll.start[:2], across)
+    rolling = picnic.lying(picnic.soda(n, LABELS["tonic"]), 0.085, *roll.start[:2], across)
     return [
-        stand(
+        _stand(
             "can-tuna",
-            picnic.tin(n + n // 2, tuna, 0.245, place.height + 0.008),
+            picnic.tin(n + n // 2, LABELS["tuna"], 0.245, place.height + 0.008),
             x,
             y,
             10,
             "a flat tin that the second ant stands on",
         ),
-        stand("can-cola", picnic.soda(n, cola), -0.60, 0.30, 0, "a tall red can behind the ants: long thin triangles"),
-        stand("can-peas", picnic.tin(n, peas), 0.02, 0.50, 30, "a green tin between the ants, half hidden by them"),
-        stand("can-beans", picnic.tin(n, beans), 0.235, 0.56, -20, "a blue tin beside the green one"),
-        Object("can-on-top", placed(picnic.tin(n, soup), (0.13, 0.535, 0.24), 55), "a tin on two others, against the hills"),
-        stand("can-lemon", picnic.soda(n, lemon), 0.52, 0.36, 60, "a tall yellow can behind the ants"),
-        lie("can-peach", picnic.tin(n, peach), 0.103, (0.80, 0.62), 60, "a tin that lies on its side, far right"),
-        stand("can-soup", picnic.tin(n, soup), -0.72, -0.62, 80, "a red and white tin beside the leftmost ant's eyes"),
-        stand(
+        _stand(
+            "can-cola", picnic.soda(n, LABELS["cola"]), -0.60, 0.30, 0, "a tall red can behind the ants: long thin triangles"
+        ),
+        _stand("can-peas", picnic.tin(n, LABELS["peas"]), 0.02, 0.50, 30, "a green tin between the ants, half hidden by them"),
+        _stand("can-beans", picnic.tin(n, LABELS["beans"]), 0.235, 0.56, -20, "a blue tin beside the green one"),
+        Object(
+            "can-on-top",
+            placed(picnic.tin(n, LABELS["soup"]), (0.13, 0.535, 0.24), 55),
+            "a tin on two others, against the hills",
+        ),
+        _stand("can-lemon", picnic.soda(n, LABELS["lemon"]), 0.52, 0.36, 60, "a tall yellow can behind the ants"),
+        _lie("can-peach", picnic.tin(n, LABELS["peach"]), (0.80, 0.62), 60, "a tin that lies on its side, far right"),
+        _stand(
+            "can-soup", picnic.tin(n, LABELS["soup"]), -0.72, -0.62, 80, "a red and white tin beside the leftmost ant's eyes"
+        ),
+        _stand(
             "can-orange",
-            picnic.soda(n, [(0.25, orange), (0.25, white)] * 2),
+            picnic.soda(n, LABELS["orange"]),
             0.80,
             -0.62,
             20,
             "an orange can beside the rightmost ant's eyes",
         ),
-        stand(
+        _stand(
             "can-blue",
-            picnic.soda(n, [(0.4, blue), (0.1, gold)] * 2),
+            picnic.soda(n, LABELS["blue"]),
             -0.46,
             -1.20,
             0,
             "a blue can behind the camera, mirrored in all eyes",
         ),
-        lie(
+        _lie(
             "can-corn",
-            picnic.tin(n, [(0.3, gold), (0.2, green)] * 2),
-            0.103,
+            picnic.tin(n, LABELS["corn"]),
             (0.46, -1.26),
             75,
             "a lying yellow tin behind the camera, mirrored in all eyes",

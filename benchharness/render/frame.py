@@ -95,20 +95,20 @@ class FrameRenderer:
         v = dr.normalize(mi.Vector3f(view.eye - p))
         time = self.scene.time(index)
         return Frame(
-            index,
-            time,
-            view,
-            poses,
-            reflector,
-            active,
-            pixels,
-            p,
-            n,
-            v,
-            radiance,
-            self.surfaces,
-            self.proxies,
-            self.boxes(self.scene.camera(time), time),
+            index=index,
+            time=time,
+            view=view,
+            poses=poses,
+            reflector=reflector,
+            active=active,
+            pixels=pixels,
+            p=p,
+            n=n,
+            v=v,
+            radiance=radiance,
+            surfaces=self.surfaces,
+            proxies=self.proxies,
+            boxes=self.boxes(self.scene.camera(time), time),
         )
 
     def boxes(self, camera: Camera, time: float) -> list[tuple[int, int, int, int]]:

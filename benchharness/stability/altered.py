@@ -63,13 +63,13 @@ def renumbered(scene: Scene, seed: int = 0) -> tuple[Scene, np.ndarray]:
             radiance, visibility = (None if v is None else v[order] for v in (mesh.radiance, mesh.visibility))
             mixed.append(
                 Mesh(
-                    mesh.vertices[order],
-                    faces,
-                    mesh.normals[order],
-                    np.asarray(mesh.albedo)[order],
-                    np.asarray(mesh.emission)[order],
-                    radiance,
-                    visibility,
+                    vertices=mesh.vertices[order],
+                    faces=faces,
+                    normals=mesh.normals[order],
+                    albedo=np.asarray(mesh.albedo)[order],
+                    emission=np.asarray(mesh.emission)[order],
+                    radiance=radiance,
+                    visibility=visibility,
                 )
             )
         start += len(meshes[0].vertices)

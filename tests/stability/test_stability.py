@@ -199,14 +199,17 @@ def test_what_ends_or_hangs_a_process_costs_its_own_rows_only(plugins_here, tmp_
 
 
 ODD = """
+from dataclasses import dataclass
 from benchharness.api import Method
 
+@dataclass(frozen=True)
 class Unmade(Method):
     paper = "none"
-    def __init__(self): raise OSError("no such table")
+    def __post_init__(self): raise OSError("no such table")
     def prepare(self, scene): return None
     def shade(self, state, frame): raise NotImplementedError
 
+@dataclass(frozen=True)
 class Counting(Method):
     paper = "none"
     def refuses(self, scene): return 7
