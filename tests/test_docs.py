@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 import pytest
-import test_layers
+from support.rooms import MAY
 
 from benchharness import platform
 from benchharness.report import columns
@@ -46,7 +46,7 @@ def test_the_table_of_rooms_is_what_the_layers_are_held_to():
     rooms = page[: page.index("## Where would you put")]
     said = {name: may for name, may in re.findall(r"^\| `([\w.]+)` \|.*\|([^|]*)\|$", rooms, re.MULTILINE)}
     assert {name: set(re.findall(r"`([\w.]+)`", may)) for name, may in said.items()} == {
-        name: set(may.split()) for name, may in test_layers.MAY.items()
+        name: set(may.split()) for name, may in MAY.items()
     }
 
 

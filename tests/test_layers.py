@@ -10,35 +10,10 @@ from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
+from support.rooms import MAY
 
 ROOT = Path(__file__).resolve().parents[1]
 FILES = sorted(p for room in ("benchharness", "methods", "scenes") for p in (ROOT / room).rglob("*.py"))
-
-MAY = {
-    "kernels": "",
-    "modelling": "",
-    "scene": "modelling kernels",
-    "regime": "scene",
-    "api": "kernels scene",
-    "platform": "",
-    "cache": "",
-    "processes": "",
-    "exits": "",
-    "tables": "exits",
-    "render": "api scene modelling kernels cache",
-    "study": "api scene modelling render platform processes tables",
-    "measure": "api scene regime modelling render kernels study tables",
-    "execution": "exits api scene modelling render study measure tables platform cache processes",
-    "stability": "exits api scene regime modelling kernels render study measure execution tables platform cache processes",
-    "speed": "api scene modelling kernels render study measure tables platform",
-    "report": "tables",
-    "__main__": "cli",
-    "cli": "exits execution platform report speed stability study tables",
-    "methods": "api scene kernels",
-    "scenes": "scene modelling regime",
-    "scenes.stress": "scene modelling regime scenes",
-}
-"""What each room may import beside itself: rooms, or single modules of them. `benchharness` alone is for everybody."""
 
 
 def module(path: Path) -> str:
@@ -118,6 +93,15 @@ def test_what_needs_no_device_imports_none(room):
                 getattr(n, "module", "") for n in top
             }
             assert not {"mitsuba", "drjit"} & {str(n).partition(".")[0] for n in names}, name
+
+
+def test_no_test_is_imported():
+    """What tests share lies in `support`, `oracles` and `catalogue`."""
+    for path in (ROOT / "tests").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            assert not [name for name in names if name.rpartition(".")[2].startswith("test_")], path
 
 
 def test_the_report_never_renders():

@@ -198,7 +198,8 @@ def test_a_search_is_after_a_cut_where_a_cold_start_is(cut):
 
 def test_what_answers_from_before_the_cut_is_caught_for_as_long_as_it_does(cut):
     record = cut["Lagging"]
-    assert record["recovery"] is None or record["recovery"] >= 2
+    # It shows what was there two frames ago, and the camera goes on: it never is where a cold start is.
+    assert record["recovery"] is None
     after = record["per_frame"][film.BEFORE :]
     assert all(f["flip"] > f["cold_flip"] + 0.05 for f in after[:2])
 
