@@ -31,7 +31,7 @@ def _row(rows: Sequence[Mapping]) -> dict[str, Any]:
         values = _present(rows if column.over == "sum" else ok, column.name)
         over[column.name] = OVER[column.over](values) if values else None
     return {
-        **{name: worst[name] for name in (*GROUP, "status", "reason")},
+        **{name: worst.get(name) for name in (*GROUP, "status", "reason")},
         "frames": len(rows),
         "frames_ok": len(ok),
         "frames_in_view": sum(pixels > 0 for pixels in _present(rows, "reflector_px")),

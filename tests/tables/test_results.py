@@ -179,6 +179,11 @@ def test_a_summary_takes_medians_of_times_means_of_errors_and_counts_what_it_lef
     assert (other["status"], other["reason"], other["flip"], other["frames_ok"]) == ("refused", "no proxy", None, 0)
 
 
+def test_what_a_row_does_not_say_is_empty_in_the_summary():
+    (one,) = summary.summary([{name: value for name, value in record(flip=0.5).items() if value is not None}])
+    assert (one["reason"], one["flip"], one["rmse"]) == (None, 0.5, None)
+
+
 def test_summary_and_samples_are_files_of_the_run(tmp_path):
     results.write_results(tmp_path, [record(shade_ms=3.0)])
     header, row = (tmp_path / "summary.csv").read_text().splitlines()
