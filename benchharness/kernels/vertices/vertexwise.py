@@ -57,16 +57,16 @@ class SelfMeeting(Protocol):
 class Solved:
     """One mirror's images.
 
-    end       what the next frame starts from
-    vertices  what was found of each vertex; with several reflections per vertex, `further` has the rest
-    drawing   how to draw them; `hider` and `back` as `virtual.draw` takes them
-    counters  further work, integers per vertex
-
-    With several reflections per vertex (`kernels.vertices.branches`):
-
+    images     virtual vertices
+    end        what the next frame starts from
+    vertices   what was found of each vertex; with several reflections per vertex, `further` has the rest
+    drawing    how to draw them
+    hider      what is asked whether the mirror hides a point, needed for "cut"
+    back       nearness of the mirror's nearest back at each pixel, None if nothing can be behind it
     whole      what no triangle covers is nothing that is reflected, as long as every vertex of an object is reflected or
                hidden: the mirror is convex, and no triangle is dropped
-    triangles  what the images are of, None for the scene itself
+    counters   further work, integers per vertex
+    triangles  what the images are of where a vertex has several (`branches`), None for the scene itself
     own        what is asked where the mirror meets itself, None for what does not ask
     """
 
