@@ -239,7 +239,7 @@ def accept(
 def list_(
     what: Annotated[str | None, typer.Argument(help="methods, scenes, configs or metrics; all if not given")] = None,
 ) -> None:
-    """Show what there is to run, with which parameters, and what is measured."""
+    """Show what there is to run, and what is measured."""
 
     def action() -> int:
         from benchharness.study import listing, plugins
