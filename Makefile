@@ -1,6 +1,6 @@
 # `make bench`: install and run the main job.  `make check`: style and types.  `make speed`: what kernels cost beside rivals.
 # `make test`: every kernel, method, scene and command, in minutes.  `make test-rest`: what that only samples.  `make test-all`: both.
-# `make test-claims`: what docs claim of a machine, in an hour.
+# `make test-claims`: what docs claim of a machine.
 PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin/python -m

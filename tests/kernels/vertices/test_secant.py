@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from support.placed import EYE, host, mapped, off_px, place, points
 from support.secant_cases import MIRRORS, TABLE, around, classed, flags, solved, star_of
 from support.star_shapes import Ellipsoid, hidden, truths
+from support.tiers import first
 from support.truth_shapes import alhazen, unit
 
 from benchharness.kernels import placement
@@ -113,7 +114,7 @@ def test_an_answer_is_valid_by_both_sides_its_gradient_and_the_length_of_e(cos_e
 
 
 @every_stop
-@pytest.mark.parametrize("residual", ["param", "surface"])
+@pytest.mark.parametrize("residual", first(["param", "surface"], ["param"]))
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_vertex_by_vertex_it_is_the_oracle(case, residual, stop):
     R = classed(*case)[1]
@@ -133,7 +134,7 @@ def test_vertex_by_vertex_it_is_the_oracle(case, residual, stop):
 
 
 @every_stop
-@pytest.mark.parametrize("residual", ["param", "surface"])
+@pytest.mark.parametrize("residual", first(["param", "surface"], ["param"]))
 @pytest.mark.parametrize("case", [case for case in CASES if TABLE[case]["area"] is not None], ids=str)
 def test_iterations_are_those_measured_before(case, residual, stop):
     mean, _, never = TABLE[case][stop]
@@ -160,7 +161,7 @@ def test_started_near_it_takes_far_fewer_and_fails_less(stop):
 
 @every_stop
 @every_start
-@pytest.mark.parametrize("name", MIRRORS)
+@pytest.mark.parametrize("name", first(MIRRORS, ["sphere", "ellipsoid somewhere", "bumpy"]))
 def test_converged_means_a_reflection_point_within_two_pixels(name, start, stop):
     shape, V = MIRRORS[name], around(4, 300)
     s = solved(star_of(name), place(V), stop, start)

@@ -10,6 +10,7 @@ from oracles import secant_oracle as oracle
 from oracles.secant_oracle import combination, gradient, on_screen, place_for_lost, secant, size_px, solve
 from support.secant_cases import TABLE, printed
 from support.star_shapes import Bumpy, Ellipsoid, Sphere, hidden, truths
+from support.tiers import every
 from support.truth_shapes import unit
 
 EYE, FORWARD, FPX = np.array([0.0, 0.0, 4.0]), np.array([0.0, 0.0, -1.0]), 800.0
@@ -166,7 +167,7 @@ def show(title, found, off, then):
 
 
 @pytest.mark.parametrize("stop", ["area", "edge"])
-@pytest.mark.parametrize(("name", "low", "high"), TABLE)
+@pytest.mark.parametrize(("name", "low", "high"), every(5, TABLE))
 def test_iterations_and_failures_are_those_measured_before(name, low, high, stop):
     found, off = answered(name, low, high, stop)
     wrong, never = found.stopped & (off > 2), ~found.stopped
@@ -197,7 +198,7 @@ def test_an_area_is_fooled_where_edges_are_not():
 
 @pytest.mark.parametrize("stop", ["area", "edge"])
 @pytest.mark.parametrize("start", STARTS)
-@pytest.mark.parametrize(("name", "low", "high"), TABLE)
+@pytest.mark.parametrize(("name", "low", "high"), every(5, TABLE))
 def test_restarted_and_polished_all_are_exact(name, low, high, start, stop):
     V, R = classed(name, low, high)
     polished = solve(MIRRORS[name], EYE, V, stop=stop, start=start, fpx=FPX)
