@@ -69,7 +69,7 @@ def study(
             found.fits.append({"detail": detail, "method": name, **fit([r for r in rows if r["method"] == name])})
         for (name, vertices), all_ in times.items():
             found.samples += [
-                dict(zip(SAMPLE_COLUMNS, (detail, name, vertices, i, ms), strict=True)) for i, ms in enumerate(all_)
+                dict[str, Any](zip(SAMPLE_COLUMNS, (detail, name, vertices, i, ms), strict=True)) for i, ms in enumerate(all_)
             ]
     return found
 
