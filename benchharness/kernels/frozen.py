@@ -9,7 +9,8 @@ from typing import ParamSpec, TypeVar
 
 import drjit as dr
 
-P, R = ParamSpec("P"), TypeVar("R")
+P = ParamSpec("P")
+R = TypeVar("R")
 RECORDINGS = 1000
 """More than this in a process are a mistake. Every size of picture, window, list and scene is one; Dr.Jit warns at 10."""
 
