@@ -38,8 +38,10 @@ def plugins_here(monkeypatch):
 @pytest.fixture(scope="session", autouse=True)
 def cache(tmp_path_factory):
     """What tests bake and render is made once for all of them; what the user has cached is neither taken nor added to."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "cache"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("BENCHHARNESS_CACHE", str(tmp_path_factory.mktemp("cache")))
+        patch.setenv("BENCHHARNESS_CACHE", str(folder))
         yield
 
 
