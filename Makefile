@@ -4,6 +4,7 @@
 PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin/python -m
+PYTEST := $(RUN) pytest -q -n auto --dist loadfile
 
 .PHONY: bench test test-rest test-all test-claims check speed clean
 
@@ -11,13 +12,13 @@ bench: $(VENV)/ready
 	$(RUN) benchharness run configs/kitchen-quick.toml
 
 test: $(VENV)/ready-dev
-	$(RUN) pytest -q -m "not exhaustive and not claims"
+	$(PYTEST) -m "not exhaustive and not claims"
 
 test-rest: $(VENV)/ready-dev
-	$(RUN) pytest -q -m "exhaustive and not claims"
+	$(PYTEST) -m "exhaustive and not claims"
 
 test-all: $(VENV)/ready-dev
-	$(RUN) pytest -q -m "not claims"
+	$(PYTEST) -m "not claims"
 
 test-claims: $(VENV)/ready-dev
 	$(RUN) pytest -q -m claims

@@ -111,7 +111,8 @@ def test_the_report_never_renders():
 
 
 def test_the_contract_is_short_enough_to_read():
-    assert len((ROOT / "benchharness" / "api.py").read_text().splitlines()) < 170
+    files = ROOT / "benchharness" / "api.py", ROOT / "benchharness" / "kernels" / "types.py"
+    assert sum(len(file.read_text().splitlines()) for file in files) < 300
 
 
 def test_a_circle_and_an_import_by_name_are_seen(tmp_path, monkeypatch):
