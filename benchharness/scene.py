@@ -367,10 +367,14 @@ class Scene:
         """`near`, or what it is if nothing is said."""
         return NEAR * self.size if self.near is None else self.near
 
-    @cached_property
+    @property
     def enclosed(self) -> tuple[bool, ...]:
         """Per reflector whether it stands wholly within walls, in all frames: the surroundings are nothing that it reflects.
         Found once per scene, in some tens of milliseconds; waits for the device."""
+        return self._enclosed
+
+    @cached_property
+    def _enclosed(self) -> tuple[bool, ...]:
         from benchharness.kernels import enclosure
 
         return enclosure.enclosed(self)

@@ -56,7 +56,7 @@ def fresnel_conductor(cos_theta: mi.Float, eta: mi.Color3f, k: mi.Color3f) -> mi
 
 def metals_of(scene: SceneLike) -> mi.Float:
     """What the mirrors of a `benchharness.scene.Scene` are made of, 8 floats each: eta, 1 (0 for an ideal mirror), k, 0."""
-    rows = [[0.0] * 8 if r.eta is None else [*r.eta, 1.0, *r.k, 0.0] for r in scene.reflectors]
+    rows = [[0.0] * 8 if r.eta is None or r.k is None else [*r.eta, 1.0, *r.k, 0.0] for r in scene.reflectors]
     return mi.Float(np.array(rows, np.float32).ravel())
 
 
