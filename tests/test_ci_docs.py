@@ -93,5 +93,5 @@ def test_every_command_and_option_of_the_page_exists():
     )
     assert {"run", "compare", "accept", "rerun", "doctor"} <= named & set(registered)
     for option in set(re.findall(r"(?<![\w-])--([a-z][a-z-]*)", text)):
-        declared = rf'"--{option}"|^    {option.replace("-", "_")}: Annotated'
+        declared = rf'"--{option}"|^    {option.replace("-", "_")}: [A-Z]\w+'
         assert re.search(declared, source, re.MULTILINE), option

@@ -126,7 +126,8 @@ def test_what_refuses_that_is_no_sentence_is_that_methods_crash(tmp_path, monkey
 
 UNMADE = """
     def __post_init__(self):
-        if self.behaviour == "unmade" and "worker" in sys.modules["__main__"].__spec__.name: raise OSError("no such table")
+        home = getattr(sys.modules["__main__"].__spec__, "name", "")
+        if self.behaviour == "unmade" and "worker" in home: raise OSError("no such table")
 
     def refuses(self, scene):"""
 

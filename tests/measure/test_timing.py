@@ -111,10 +111,11 @@ def test_kernel_time_is_that_of_execution_alone():
         time.sleep(0.2)
         return heavy()
 
+    began = time.perf_counter()
     history = timing.kernels_of(slow_to_order)
+    whole_ms = 1e3 * (time.perf_counter() - began)
     assert any(k["type"] == dr.KernelType.JIT for k in history)
-    whole = timing.timed(slow_to_order)[1]
-    assert 0 < timing.kernel_ms(history) < whole - 150
+    assert 0 < timing.kernel_ms(history) < whole_ms - 150
     assert timing.kernel_ms([{"execution_time": 1.5}, {"execution_time": 2.0}]) == 3.5
     assert not dr.flag(dr.JitFlag.KernelHistory)
 

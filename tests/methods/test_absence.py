@@ -11,6 +11,7 @@ import trimesh
 from support.mirror_room import ball, lit, mirror_ball, scene, shaded, still
 from support.small_room import box
 from support.star_shapes import Bumpy
+from support.tiers import first
 
 from benchharness.measure.bench import Bench
 from benchharness.render.reference import ReferenceOptions
@@ -54,7 +55,7 @@ def octants() -> list[Object]:
     return [Object(f"petal {k}", lit(Mesh(shell.vertices, own), 1.0), "a piece of the wall") for k, own in enumerate(faces)]
 
 
-@pytest.mark.parametrize("method", SEVERAL, **named)
+@pytest.mark.parametrize("method", first(SEVERAL, SEVERAL[:1]), **named)
 def test_within_walls_what_no_triangle_covers_is_not_found(method):
     """A third of the mirror. What triangles cover that should be behind others is wrong still, and half of that."""
     made = scene([room()], [bumpy()], background=SKY, frames=1)
@@ -66,7 +67,7 @@ def test_within_walls_what_no_triangle_covers_is_not_found(method):
     assert seen.trusted().record["flip"] < 0.5 * seen.record["flip"]
 
 
-@pytest.mark.parametrize("method", SEVERAL, **named)
+@pytest.mark.parametrize("method", first(SEVERAL, SEVERAL[-1:]), **named)
 def test_under_an_open_ceiling_what_was_lost_is_doubted_and_the_sky_is_not(method):
     """In a cube that is open above, float64: a ray reaches the sky if it comes to the plane above before that of a wall."""
     made = scene([room(5)], [bumpy()], background=SKY, frames=1)

@@ -199,6 +199,7 @@ def bunnies():
     return picture(made, (180, 128)).second, found
 
 
+@pytest.mark.exhaustive
 def test_rows_agree_with_texels_on_a_bunny(bunnies):
     _, (_, rows, texels, *_) = bunnies
     assert (np.abs(rows.L - texels.L).max(axis=-1) < 0.02)[rows.active].mean() > 0.99
@@ -206,6 +207,7 @@ def test_rows_agree_with_texels_on_a_bunny(bunnies):
     assert steps[0] < 0.2 * steps[1]
 
 
+@pytest.mark.exhaustive
 def test_every_map_adds_its_skins_unless_they_are_split(bunnies):
     """Measured: 13 % of the pixels are off with one map, 21 % with six, 12 % with six that are split."""
     _, (exact, one, _, joined, split, *_) = bunnies
@@ -213,6 +215,7 @@ def test_every_map_adds_its_skins_unless_they_are_split(bunnies):
     assert off[1] > 1.4 * off[0] and off[2] < off[0]
 
 
+@pytest.mark.exhaustive
 def test_a_mirror_with_hollows_meets_itself_where_it_should_if_its_maps_are_split(bunnies):
     """Measured, of 187 pixels: 112 and 219 others with skins, 89 and 6 others without."""
     second, (*_, joined, split) = bunnies

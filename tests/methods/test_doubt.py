@@ -11,6 +11,7 @@ from oracles.depth_oracle import BACKGROUND, camera
 from support.depth_objects import built, device, seen
 from support.mirror_room import SIZE, mirror_room, shaded, still
 from support.mirror_room import scene as room_of
+from support.tiers import first
 
 from benchharness.kernels import selfmet
 from benchharness.kernels.differentials import RayDifferential
@@ -65,17 +66,17 @@ def judged(method, scene, bounces: int = 1) -> tuple[float, float, float]:
         (EnvironmentMap(), concave(0.9), 1),
         (BillboardImpostor(), contact(0.0), 1),
         (BillboardImpostor(), around(2.0), 1),
-        (BillboardImpostor(), concave(0.9), 1),
+        pytest.param(BillboardImpostor(), concave(0.9), 1, marks=pytest.mark.exhaustive),
         (DepthImpostor(), around(2.0), 1),
         (DepthImpostor(intersector="march"), around(2.0), 1),
         (DepthImpostor(), comb(24), 1),
-        (RayTraced(), two_mirrors(0.0), 8),
+        pytest.param(RayTraced(), two_mirrors(0.0), 8, marks=pytest.mark.exhaustive),
         (Newton(), two_mirrors(0.0), 8),
         (Newton(), coarse_mirror(5), 1),
         (SecantTriangle(resolution=64), coarse_mirror(5), 1),
         (ImageSpaceSearch(), coarse_mirror(5), 1),
         (Newton(), bowl(1.0), 8),
-        (Newton(multi=4), bowl(1.0), 8),
+        pytest.param(Newton(multi=4), bowl(1.0), 8, marks=pytest.mark.exhaustive),
         (ImageSpaceSearch(), hidden(1.0), 1),
         (Newton(), long_triangles(1.0), 1),
     ],
@@ -102,7 +103,7 @@ def test_what_is_right_is_not_doubted(method, scene):
     assert wrong < 0.01 and wolf < BORDER
 
 
-@pytest.mark.parametrize("method", VERTEXWISE, ids=lambda method: type(method).__name__)
+@pytest.mark.parametrize("method", first(VERTEXWISE, VERTEXWISE[:1]), ids=lambda method: type(method).__name__)
 @pytest.mark.parametrize("scene", [long_triangles(0.06), coarse_mirror(64), hidden(0.1)], ids=["bar", "floor", "wall"])
 def test_small_triangles_are_hardly_doubted(method, scene):
     """Of checkered things, border pixels are wrong; searches in the picture end unsure along the outline."""
@@ -137,7 +138,10 @@ def test_doubt_has_a_lane_for_each_pixel_or_one_for_all(method, target):
     assert doubt is None or dr.width(doubt) in (1, SIZE[0] * SIZE[1])
 
 
-@pytest.mark.parametrize("method", [EnvironmentMap(), BillboardImpostor(), DepthImpostor(), *VERTEXWISE, Newton(multi=2)])
+ASKED = [EnvironmentMap(), BillboardImpostor(), DepthImpostor(), *VERTEXWISE, Newton(multi=2)]
+
+
+@pytest.mark.parametrize("method", first(ASKED, [EnvironmentMap(), DepthImpostor(), Newton(multi=2)]))
 def test_doubt_is_there_if_asked_for_and_costs_nothing_and_changes_nothing_if_not(method):
     scene, operations, answers = mirror_room(), [], []
     for doubts in (True, False):

@@ -25,7 +25,7 @@ from support.known_reflections import VERTEXWISE
 from support.stress_rooms import METHODS, REGIMES, Law, Shown, any_motion, extremes, kept, laws, prepared, shown
 from support.tiers import exhaustive, in_turns, paired
 
-from benchharness.kernels.vertices.newton import is_convex
+from benchharness.kernels.vertices.mirrormesh import is_convex
 from benchharness.stability import altered
 from benchharness.study import params
 

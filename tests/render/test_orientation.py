@@ -96,7 +96,9 @@ def test_a_mirror_wound_wrongly_is_turned_outwards_with_its_normals(turn):
     assert made.reflectors[0].closed is mesh and notes[0].faces == turn[: len(ball.faces)].sum()
 
 
-@pytest.mark.parametrize("turn", [np.ones(10_000, bool), HALF_OF_IT], ids=["all", "half"])
+@pytest.mark.parametrize(
+    "turn", [pytest.param(np.ones(10_000, bool), marks=pytest.mark.exhaustive), HALF_OF_IT], ids=["all", "half"]
+)
 def test_every_method_shows_what_it_shows_of_a_mirror_wound_rightly(turn):
     ball = welded(sphere(0.5, slices=48, stacks=24))
     right, wrong = (with_ball(room(), mesh) for mesh in (ball, wound(ball, turn[: len(ball.faces)])))

@@ -57,6 +57,7 @@ def table(found: impostors.Found, name: str) -> dict[tuple[str, str], dict]:
     return {(r["setting"], r["quantity"]): r for r in found.rows if r["table"] == name}
 
 
+@pytest.mark.exhaustive
 def test_every_table_has_finite_numbers_with_their_intervals(found):
     assert {r["table"] for r in found.rows} == {
         *(depthmaps.CONSTRUCTION, depthmaps.Z_ERROR, depthmaps.MEMORY, depthmaps.WALK, edges.EDGES),
@@ -82,6 +83,7 @@ def test_every_table_has_finite_numbers_with_their_intervals(found):
             assert r["ours"] == pytest.approx(np.mean([1e3 / ms for ms in times]))
 
 
+@pytest.mark.exhaustive
 def test_the_papers_numbers_stand_at_their_settings(found):
     papers = {(r["table"], r["setting"], r["quantity"]): r["paper"] for r in found.rows if "paper" in r}
     assert papers == {
@@ -115,11 +117,13 @@ def test_unless_told_otherwise_all_the_papers_settings_are_measured():
     assert popescu.ROWS_BYTES[n, settings.texels, m] == 60 * 256 * 8 * 2 * 4
 
 
+@pytest.mark.exhaustive
 def test_rows_take_the_room_of_their_points(found):
     (memory,) = table(found, depthmaps.MEMORY).values()
     assert memory["ours"] == 60 * 64 * 8 * 2 * 4 and "paper" not in memory  # the paper's is of 256 texels
 
 
+@pytest.mark.exhaustive
 def test_more_points_lose_less_and_more_rotations_miss_less(found):
     errors, borders = table(found, depthmaps.Z_ERROR), table(found, edges.EDGES)
     for quantity in ("mean |dz| / z", "mean |dz| / (far - near)"):
@@ -132,6 +136,7 @@ def test_more_points_lose_less_and_more_rotations_miss_less(found):
     assert all(0 < flip < 0.3 for flip in flips) and len(set(flips)) == 3
 
 
+@pytest.mark.exhaustive
 def test_segments_are_fewer_than_points_and_texels_read_than_the_image_has(found):
     walk = table(found, depthmaps.WALK)
     length, read = (walk["every texel", f"{what}, of rays that hit"]["ours"] for what in ("texels of the image", "texels read"))
@@ -141,6 +146,7 @@ def test_segments_are_fewer_than_points_and_texels_read_than_the_image_has(found
         assert all(0 < number <= m - 1 for number in tests)
 
 
+@pytest.mark.exhaustive
 def test_rates_are_reflector_pixels_over_time(found, room):
     seen = stage.Stage(room, SIZE, popescu.largest(room, SIZE))
     count = int(np.array(seen.frame.active).sum())
@@ -190,6 +196,7 @@ def test_silhouettes_are_as_far_apart_as_lines_are():
     assert edges.apart(one, np.zeros_like(one)) is None
 
 
+@pytest.mark.exhaustive
 def test_the_strip_shows_where_mistakes_are(found):
     titles = [panel.title for panel in found.panels]
     assert titles == ["90 degrees (n = 2)", "3 degrees (n = 60)", "every texel", "reference"]
@@ -201,6 +208,7 @@ def test_the_strip_shows_where_mistakes_are(found):
 # The command
 
 
+@pytest.mark.exhaustive
 def test_the_command_writes_tables_and_pictures(found, room, tmp_path, monkeypatch):
     asked = []
     monkeypatch.setattr(speed, "kitchen", lambda detail, moving=False: room)

@@ -119,6 +119,7 @@ def test_a_run_has_a_row_for_every_severity_and_method_and_a_page(tmp_path):
     assert (tmp_path / "run" / "images" / naming.picture_name("contact", 0.0, "ray_traced")).is_file()
 
 
+@pytest.mark.exhaustive
 def test_bad_input_is_refused_with_what_would_be_accepted(tmp_path):
     for options, message in [
         ({"only": ["ray_trced"]}, "did you mean 'ray_traced'"),
