@@ -1,11 +1,14 @@
-"""What counts as closed: for culling, for baking, and for telling in from out."""
+"""What counts as closed: for culling, for baking, and for telling in from out; and what turns with a part."""
 
 from __future__ import annotations
 
+import mitsuba as mi
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from support.small_room import box
 
+from benchharness.kernels import geometry
 from benchharness.kernels.geometry import oriented_closed_faces
 from benchharness.modelling import winding
 from benchharness.scene import Mesh, merged
@@ -41,3 +44,12 @@ def test_three_meanings_of_closed(mesh, culled, baked, piece):
     assert winding.closed_faces(mesh)[:count].tolist() == [baked] * count
     found = winding.pieces(mesh)
     assert found.closed[found.piece][:count].tolist() == [piece] * count
+
+
+def test_directions_are_turned_with_the_part_that_they_belong_to():
+    rng = np.random.default_rng(3)
+    poses = np.concatenate([Rotation.random(4, random_state=5).as_matrix(), rng.normal(size=(4, 3, 1))], axis=2)
+    part, n = np.array([2, 0, 3, 3, 1]), rng.normal(size=(5, 3))
+    rows = mi.Float(poses.astype(np.float32).ravel())
+    turned = geometry.turned_of(mi.Vector3f(n.T.astype(np.float32)), rows, mi.UInt32(part), mi.Bool(True))
+    np.testing.assert_allclose(np.array(turned).T, np.einsum("lij,lj->li", poses[part, :, :3], n), atol=1e-6)
