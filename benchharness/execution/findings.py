@@ -53,9 +53,9 @@ def findings(plugin: plugins.Plugin) -> Iterator[Finding]:
     before = dict(vars(method))
     drawer = FrameRenderer(scene, *SIZE)
     frames = [drawer.render(index) for index in range(2)]
-    usual, threads = _busy(), threading.active_count()
+    usual, there = _busy(), set(threading.enumerate())
     first = Watched(method, scene, frames[0])
-    busy, more = _busy() - usual, threading.active_count() - threads
+    busy, more = _busy() - usual, len(set(threading.enumerate()) - there)
     yield from _well_formed(first, frames[0])
     if first.broken or not first.found.any():
         return
