@@ -57,6 +57,7 @@ def undisturbed(tmp_path_factory):
     return mortal_bench.told(folder / "out")
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "moments",
     [

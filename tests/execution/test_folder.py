@@ -80,6 +80,7 @@ def test_pictures_of_work_that_was_cut_short_are_not_among_the_others(tmp_path):
         assert folder.lost(images, known) == ["a.png"]
 
 
+@pytest.mark.exhaustive
 def test_a_journal_says_what_was_appended_or_that_it_is_damaged(tmp_path):
     """Bytes flipped, put in, left out, cut; lines doubled, left out, in another order: 2,000 journals from one seed."""
     path, rng = tmp_path / "journal.jsonl", random.Random(5)

@@ -67,6 +67,7 @@ def test_a_run_has_a_row_per_frame_and_entry_in_the_order_of_the_config(tmp_path
     assert (tmp_path / "out" / "environment.json").is_file()
 
 
+@pytest.mark.exhaustive
 def test_whatever_one_method_does_the_others_complete_and_every_row_says_why(tmp_path):
     behaviours = '["first", "aborts 2", "raises 2", "leaves 4", "refuses", "chokes", "sleeps 4", "last"]'
     path = study.write(tmp_path, behaviours, run="timeout_s = 15.0")

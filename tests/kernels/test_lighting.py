@@ -369,6 +369,7 @@ def test_without_a_light_or_without_gloss_everything_stays_as_it_was():
             assert np.array_equal(np.array(one.frame.radiance), np.array(two.frame.radiance))
 
 
+@pytest.mark.exhaustive
 def test_hashes_tell_scenes_with_other_highlights_apart():
     made = beside_a_mirror()
     thing = made.objects[0]

@@ -236,6 +236,7 @@ def test_a_frame_is_always_the_third_that_a_method_sees():
     assert alone[3, "memory"]["rmse"] == pytest.approx(constant[3, "plain"]["rmse"], rel=1e-5)
 
 
+@pytest.mark.exhaustive
 def test_with_a_mirror_and_a_thing_that_move_too():
     def shift(time):
         pose = np.eye(4)

@@ -55,6 +55,7 @@ def octants() -> list[Object]:
     return [Object(f"petal {k}", lit(Mesh(shell.vertices, own), 1.0), "a piece of the wall") for k, own in enumerate(faces)]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("method", first(SEVERAL, SEVERAL[:1]), **named)
 def test_within_walls_what_no_triangle_covers_is_not_found(method):
     """A third of the mirror. What triangles cover that should be behind others is wrong still, and half of that."""

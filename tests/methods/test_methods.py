@@ -201,6 +201,7 @@ def test_of_two_mirrors_each_shows_the_other_black_and_the_rest_as_it_is(name, t
         assert (region[1, objects + one :] == 0).all() and (region[0, objects + one :] != 0).all()
 
 
+@pytest.mark.exhaustive
 def test_a_mirror_is_the_same_beside_another_one_that_shows_nothing_new(two_mirrors):
     """The second mirror's own pixels do not depend on being the second."""
     swapped = replace(two_mirrors, reflectors=two_mirrors.reflectors[::-1])

@@ -157,6 +157,7 @@ MOTIONS = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", MOTIONS)
 def test_maps_are_taken_again_beyond_the_turn_and_always_appear_where_the_object_is(name):
     """Against ray tracing: what stays is right too, but for the rim that the map does not see."""

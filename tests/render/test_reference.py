@@ -263,6 +263,7 @@ def test_what_moves_is_rendered_where_it_is() -> None:
     assert render(moving, 1.0, (2, 2)).image[0, :, 0].tolist() == [0, 1]
 
 
+@pytest.mark.exhaustive
 def test_both_lightings_show_the_same_room(tmp_path) -> None:
     # The same number of segments: one from the eye and six from a vertex. What differs is interpolation over 0.3 m,
     # caustics, and the noise of 64 paths: 1 % in the mean, 10 % in a typical pixel.

@@ -203,6 +203,7 @@ def test_every_method_shows_the_panorama_in_a_mirror(name, open_air):
     assert np.abs(other.L - answer.L)[far].max(axis=1).mean() > 0.1
 
 
+@pytest.mark.exhaustive
 def test_an_environment_map_is_as_sharp_as_its_texels():
     made = in_the_open()
     truth = picture(made)
@@ -254,6 +255,7 @@ def composed(method, made: Scene, renderer: FrameRenderer) -> np.ndarray:
     return np.array(renderer.compose(answer.frame, answer.reflection.L)).T.reshape(SIZE[1], SIZE[0], 3)
 
 
+@pytest.mark.exhaustive
 def test_more_bounces_are_a_deeper_reference(two_balls):
     made, renderer = two_balls
     flip = {}

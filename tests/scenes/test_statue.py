@@ -46,6 +46,7 @@ def world(name: str, frame: int) -> Mesh:
 # What is asked for
 
 
+@pytest.mark.exhaustive
 def test_there_are_enough_vertices_and_not_too_many():
     assert 5000 <= len(figure().vertices) <= 8000
     for name in MIRRORS:

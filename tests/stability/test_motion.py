@@ -131,6 +131,7 @@ def steady(tmp_path_factory):
     return folder, found
 
 
+@pytest.mark.exhaustive
 def test_traced_rays_change_and_move_as_the_reference_does(steady):
     record = steady[1]["ray_traced"][1]
     assert record["status"] == "ok" and record["images"] >= 2 and record["images_lost"] == 0
@@ -188,6 +189,7 @@ def cut(tmp_path_factory):
     return dict(zip(names, motion.work(group, tmp_path_factory.mktemp("cut")), strict=True))
 
 
+@pytest.mark.exhaustive
 def test_a_search_is_after_a_cut_where_a_cold_start_is(cut):
     record = cut["newton"]
     assert record["recovery"] == 0 and record["other_roots"] == 0

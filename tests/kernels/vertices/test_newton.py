@@ -442,6 +442,7 @@ def test_convexity_is_known(mesh, convex):
     assert mirrormesh.is_convex(mesh.vertices, mesh.faces) is convex
 
 
+@pytest.mark.exhaustive
 def test_a_dent_makes_it_concave_and_rounding_does_not():
     mesh = Sphere().mesh(2)
     dent = mesh.vertices.copy()

@@ -138,6 +138,7 @@ def test_the_picture_in_bowl_and_ring_is_far_nearer_to_the_truth(name, made, sha
     assert four["coverage"] == 1.0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", first(ALL, ["newton"]))
 def test_what_a_method_has_no_room_for_it_says(name):
     """At 0.35 radii, each vertex has three reflections that the eye sees."""
