@@ -27,6 +27,7 @@ from support.depth_scenes import (
 )
 from support.mirror_room import Answer, mirror_ball, plain, shaded
 from support.small_room import quad
+from support.tiers import first
 
 from benchharness.render.frame import FrameRenderer
 from benchharness.study import params
@@ -157,8 +158,7 @@ MOTIONS = {
 }
 
 
-@pytest.mark.exhaustive
-@pytest.mark.parametrize("name", MOTIONS)
+@pytest.mark.parametrize("name", first(MOTIONS, ["object"]))
 def test_maps_are_taken_again_beyond_the_turn_and_always_appear_where_the_object_is(name):
     """Against ray tracing: what stays is right too, but for the rim that the map does not see."""
     made = halves(*MOTIONS[name])
