@@ -37,11 +37,15 @@ def plugins_here(monkeypatch):
 
 @pytest.fixture(scope="session", autouse=True)
 def cache(tmp_path_factory):
-    """What tests bake and render is made once for all of them; what the user has cached is neither taken nor added to."""
+    """What tests bake and render is made once for all of them; what the user has cached is neither taken nor added to.
+
+    Each process that tests has the machine to itself, as far as locks say: no test waits for what another one times.
+    """
     base = tmp_path_factory.getbasetemp()
     folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "cache"
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("BENCHHARNESS_CACHE", str(folder))
+        patch.setenv("XDG_STATE_HOME", str(base / "state"))
         yield
 
 

@@ -172,10 +172,11 @@ runner.run(config.load(Path(sys.argv[1])), Path(sys.argv[2]), Ear(), bench="supp
 
 
 @pytest.mark.exhaustive
-def test_a_killed_run_takes_its_worker_along_and_resumes_to_the_rows_of_an_undisturbed_one(tmp_path):
+def test_a_killed_run_takes_its_worker_along_and_resumes_to_the_rows_of_an_undisturbed_one(tmp_path, request):
     path, out = study.write(tmp_path, '["a", "sleeps 4"]'), tmp_path / "out"
     env = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     process = subprocess.Popen([sys.executable, "-c", RUN, str(path), str(out)], env=env)
+    request.addfinalizer(process.kill)
     journal = out / "journal.jsonl"
     deadline = time.monotonic() + 60
     while not (journal.exists() and len(journal.read_bytes().splitlines()) == 2):
