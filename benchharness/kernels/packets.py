@@ -20,6 +20,11 @@ def stored(value: Any, count: int) -> Any:
     return buffer
 
 
+def joined(vectors: mi.Point3f | mi.Vector3f, fourth: mi.Float, count: int) -> mi.Float:
+    """A buffer of packets of `count` vectors with a fourth number each."""
+    return stored(mi.Vector4f(vectors.x, vectors.y, vectors.z, fourth), count)
+
+
 def of_rows(vectors: np.ndarray, fourth: float | np.ndarray = 0.0) -> np.ndarray:
     """Packets of vectors [N, 3] with a fourth number each, float32 [N, 4]."""
     return np.column_stack([vectors, np.broadcast_to(fourth, len(vectors))]).astype(np.float32)

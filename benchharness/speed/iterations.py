@@ -16,6 +16,7 @@ import mitsuba as mi
 import numpy as np
 
 from benchharness.api import Reflection
+from benchharness.kernels import packets
 from benchharness.kernels.vertices import problems, vertexwise, virtual
 from benchharness.scene import Scene
 from benchharness.speed.stage import Stage
@@ -93,11 +94,11 @@ def _picture(stage: Stage, reflection: Reflection) -> np.ndarray:
         there = lane + i * count
         kind, _ = problems.kinds(dr.gather(mi.UInt32, vertices.region, there) == problems.REFLECTED, mi.Bool(False))
         images = virtual.Images(
-            problems.packets(dr.gather(mi.Point3f, vertices.virtual, there), kind, lane, count),
-            problems.packets(dr.gather(mi.Point3f, vertices.R, there), mi.Float(0), lane, count),
+            packets.joined(dr.gather(mi.Point3f, vertices.virtual, there), kind, count),
+            packets.joined(dr.gather(mi.Point3f, vertices.R, there), mi.Float(0), count),
         )
         steps = mi.Float(dr.gather(mi.UInt32, vertices.iterations, there))
-        light = problems.packets(mi.Point3f(steps), mi.Float(0), lane, count)
+        light = packets.joined(mi.Point3f(steps), mi.Float(0), count)
         part = dr.opaque(mi.UInt32, seen.objects + i)
         world = replace(seen.world, attributes=light, shine=None)
         target = virtual.Target(frame.view, frame.p, frame.reflector == i)

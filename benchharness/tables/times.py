@@ -6,11 +6,11 @@ change has to stand out from.
 
 The number of a run is the logarithm of a frame's quickest round, over the frames its mean, so that frames of unlike cost weigh
 the same. Whoever else uses the machine only ever adds to a round, often as much again: two runs of one kernel beside somebody
-else may differ ten times as much in their medians. What the unchanged
-methods of the same frame share, which were timed in turns with it, is drift of the machine. It is subtracted where the sides
-differ by it, and where a method's runs are steadier without it: what hardly follows the drift would only take on its noise.
-Welch's t-test then compares the sides, and the p of all tests are adjusted for their number (Benjamini and Hochberg 1995;
-without any change, the chance of one false alarm among them is at most ALPHA).
+else may differ ten times as much in their medians. What the unchanged methods of the same frame share, which were timed in
+turns with it, is drift of the machine. It is subtracted where the sides differ by it, and where a method's runs are steadier
+without it: what hardly follows the drift would only take on its noise. Welch's t-test then compares the sides, and the p of
+all tests are adjusted for their number (Benjamini and Hochberg 1995; without any change, the chance of one false alarm among
+them is at most ALPHA).
 """
 
 from __future__ import annotations

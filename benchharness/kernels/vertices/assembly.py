@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import depths, geometry, raster
+from benchharness.kernels import depths, geometry, packets, raster
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.types import View
 from benchharness.kernels.vertices import bent
@@ -176,8 +176,8 @@ def _cut(images: Images, corners: _Corners, view: View, hider: Hider, made: Asse
     two, two_offset = _entry(triangles.points, carried, dr.select(pair, i[1], i[0]), i[2], hider, view, mixed)
     first = mi.Vector4u(i[0], dr.select(pair, i[1], vertex_count + f), vertex_count + count + f, face.w)
     second = mi.Vector4u(i[0], vertex_count + count + f, vertex_count + f, face.w)
-    slots = [_packed(value, f, count) for value in (dr.select(mixed, first, face), second)]
-    ends = [[_packed(value, f, count) for value in end] for end in (one, two)]
+    slots = [packets.stored(value, count) for value in (dr.select(mixed, first, face), second)]
+    ends = [[packets.stored(value, count) for value in end] for end in (one, two)]
     on_mirror = []
     if made.nearness is not None:
         on_mirror = [depths.nearness(view, offset) for offset in (one_offset, two_offset)]
@@ -238,13 +238,6 @@ def _bands(images: Images, view: View, corners: _Corners, shown: mi.Bool, cuts: 
     return bent.bands(view, corners.f, corners.count, edges, shown, unsure)
 
 
-def _packed(value: Any, lane: mi.UInt32, count: int) -> Any:
-    """4 numbers per lane, side by side."""
-    out = dr.empty(dr.value_t(type(value)), 4 * count)
-    dr.scatter(out, value, lane)
-    return out
-
-
 def _turned(values: Any, turn: mi.UInt32 | mi.Int32) -> list:
     """The first three of `values`, rotated so that number `turn` comes first."""
     return [dr.select(turn == 0, values[k], dr.select(turn == 1, values[(k + 1) % 3], values[(k + 2) % 3])) for k in range(3)]
@@ -285,7 +278,7 @@ def _entry(
     far_behind = (own - surface_offset) * focal > BEHIND * (view.depth + own)
     high -= dr.select(far_behind, dr.minimum(dr.rcp(dr.maximum(length, 1e-6)), 0.5 * high), 0)
     x = dr.lerp(a, b, high)
-    there = [dr.lerp(*(dr.gather(mi.Vector4f, packets, i, active) for i in (inner, outer)), high) for packets in carried]
+    there = [dr.lerp(*(dr.gather(mi.Vector4f, buffer, i, active) for i in (inner, outer)), high) for buffer in carried]
     return [mi.Vector4f(x.x, x.y, x.z, HIDDEN), *there], surface_offset
 
 

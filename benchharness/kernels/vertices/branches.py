@@ -22,7 +22,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import depths, geometry, optics, placement, raster
+from benchharness.kernels import depths, geometry, optics, packets, placement, raster
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.types import Frame, Vertices, View
 from benchharness.kernels.vertices import problems, several, sight, vertexwise, virtual
@@ -77,8 +77,8 @@ def arranged(found: several.Found, mesh: MirrorMesh, problem: Problem, multi: in
     kind, region = problems.kinds(filled, shadow)
     code = dr.select(filled, mi.Float(of(found.kind) + dr.select(of(found.seen), mi.UInt32(SEEN), 0)), 0)
     images = virtual.Images(
-        moved=problems.packets(image, kind, lane, places * count),
-        at=problems.packets(R, code, lane, places * count),
+        moved=packets.joined(image, kind, places * count),
+        at=packets.joined(R, code, places * count),
         unsure=problem.unsure(n, filled & ~of(found.converged), lane, places * count),
     )
     image, R, region = mi.Point3f(image), mi.Point3f(R), mi.UInt32(region)

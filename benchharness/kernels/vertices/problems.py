@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import geometry, placement
+from benchharness.kernels import geometry, packets, placement
 from benchharness.kernels.types import Vertices, View
 from benchharness.kernels.vertices import virtual
 
@@ -61,7 +61,7 @@ class Problem:
         if self.mirrors is None:
             return None
         part = mi.UInt32(dr.gather(mi.Float, self.world.points, 4 * (lane % self.count) + 3))
-        return packets(mi.Point3f(n), dr.select(unsure | (part >= self.mirrors), mi.Float(1), 0), lane, count)
+        return packets.joined(mi.Point3f(n), dr.select(unsure | (part >= self.mirrors), mi.Float(1), 0), count)
 
 
 @dataclass
@@ -106,8 +106,8 @@ def images_of(problem: Problem, found: Answer) -> tuple[virtual.Images, Vertices
     if found.free is not None:
         region = dr.select(found.free, region, UNKNOWN)
     images = virtual.Images(
-        moved=packets(found.image, kind, lane, count),
-        at=packets(found.R, mi.Float(0), lane, count),
+        moved=packets.joined(found.image, kind, count),
+        at=packets.joined(found.R, mi.Float(0), count),
         seen=found.free,
         unsure=problem.unsure(found.n, found.unsure, lane, count),
     )
@@ -130,13 +130,6 @@ def was_cut(view: View, last: View) -> mi.Bool:
     turned = dr.norm(dr.normalize(view.w.xyz) - dr.normalize(last.w.xyz)) > CUT_TURN
     zoomed = dr.abs(dr.norm(view.right) / dr.norm(last.right) - 1) > 1e-6
     return turned | zoomed | mi.Bool((view.width, view.height) != (last.width, last.height))
-
-
-def packets(values: mi.Point3f, fourth: mi.Float, lane: mi.UInt32, count: int) -> mi.Float:
-    """Points and a fourth number, 4 floats per vertex."""
-    out = dr.empty(mi.Float, 4 * count)
-    dr.scatter(out, mi.Vector4f(values.x, values.y, values.z, fourth), lane)
-    return out
 
 
 def kinds(reflected: mi.Bool, hidden: mi.Bool) -> tuple[mi.Float, mi.UInt32]:
