@@ -310,7 +310,11 @@ def main() -> None:
     an interruption, by Ctrl-C or SIGTERM, at whatever moment."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        app()
+        try:
+            app()
+        finally:  # all is said and written, and an interpreter that is about to end has no handler any more
+            for number in (signal.SIGINT, signal.SIGTERM):
+                signal.signal(number, signal.SIG_IGN)
     except (SystemExit, KeyboardInterrupt) as end:
         if _interrupted(end):  # outside any command, where Typer has a code of its own
             sys.exit(Exit.INCOMPLETE)

@@ -211,6 +211,23 @@ def test_kills_at_twenty_random_moments(tmp_path, undisturbed, whom, name):
         killed_at(folder, whom, name, moments.uniform(0.0, 3.5), undisturbed)
 
 
+LATE = """
+import os, sys
+from benchharness import cli
+class Late:
+    def __del__(self, kill=os.kill, process=os.getpid(), number=int(sys.argv.pop())):
+        kill(process, number)
+late = Late()  # dies when modules do, after the interpreter's own handlers
+cli.main()
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_who_interrupts_what_has_ended_changes_nothing(number):
+    done = subprocess.run([sys.executable, "-c", LATE, "--version", str(int(number))], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout.startswith("benchharness"), done.stderr) == (0, True, "")
+
+
 @pytest.mark.exhaustive
 def test_sigterm_ends_as_ctrl_c_does(tmp_path):
     path = study.write(tmp_path, '["a", "sleeps 2"]')
