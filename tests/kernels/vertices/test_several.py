@@ -13,8 +13,8 @@ from support.mirror_room import mirror_room, scene, shaded, still
 from support.tiers import first
 from support.truth_shapes import alhazen_inside, unit
 
-from benchharness.kernels import placement
-from benchharness.kernels.vertices import branches, mirrormesh, newton, problems, several
+from benchharness.kernels import geometry, placement
+from benchharness.kernels.vertices import branches, mirrormesh, newton, problems, several, virtual
 from benchharness.measure import completeness, truth
 from benchharness.measure.bench import Bench
 from benchharness.render.reference import ReferenceOptions
@@ -177,6 +177,19 @@ def test_triangles_join_reflections_of_one_branch():
     assert edges.max() < 0.5
     kinds = R[faces][:, :, 3].astype(int) % branches.SEEN
     assert (kinds == kinds[:, :1]).all() and set(np.unique(kinds)) >= {newton.MINIMUM, newton.SADDLE}
+
+
+def test_of_a_vertex_s_images_the_nearest_to_it_is_known():
+    """Places 0 to 2 lie 3, 0.5 and 0.1 away from it; the last of them was not found."""
+    V = np.array([[0, 0, 5], [1, 0, 5], [0, 1, 5]], np.float32)
+    away, code = (3.0, 0.5, 0.1), (1.0, 2.0, 0.0)
+    moved = np.concatenate([np.c_[V + [0, 0, d], np.ones(3)] for d in away] + [np.c_[V, np.zeros(3)]])
+    at = np.concatenate([np.c_[V, np.full(3, c)] for c in (*code, 0.0)])
+    images = virtual.Images(*(mi.Float(a.astype(np.float32).ravel()) for a in (moved, at)))
+    world = geometry.upload([(V, np.zeros((3, 3)), np.array([[0, 1, 2]]))])
+    corners = branches._Corners.of(mi.Vector4u(0, 1, 2, 0), images, world, 4)
+    for place, distance in corners.beside:
+        assert place[0] == 1 and distance[0] == 0.5
 
 
 def test_where_a_mirror_meets_itself_it_is_black():
