@@ -294,6 +294,7 @@ def test_a_broken_environment_is_exit_code_five(tmp_path, monkeypatch):
 
 def test_what_nobody_foresaw_is_a_traceback_and_never_a_regression(monkeypatch, capsys):
     monkeypatch.setattr(cli, "app", lambda: 1 / 0)
+    monkeypatch.setattr(cli.signal, "signal", lambda number, handler: None)  # whoever tests can be interrupted
     with pytest.raises(SystemExit) as end:
         cli.main()
     assert end.value.code == 3
