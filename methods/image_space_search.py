@@ -122,6 +122,8 @@ class ImageSpaceSearch(Method):
     self_reflection  the mirror in itself, where it is not convex: "black", which takes one ray per pixel of it, or "omitted"
     multi          reflections per vertex that are found and drawn; with more than one, every search is a cold one from
                    texels spread over the mirror's picture, and hidden vertices are "cut"
+    resolve        what a pixel shows: "interpolate" between the corners of the triangle that covers it, as the paper does, or
+                   what its own "ray" meets of the triangles that it and the pixels around it name (kernels.vertices.exact)
     """
 
     score: Literal["sq", "dot"] = "sq"
@@ -136,6 +138,7 @@ class ImageSpaceSearch(Method):
     other_mirrors: Literal["black", "omitted"] = "black"
     self_reflection: Literal["black", "omitted"] = "black"
     multi: Annotated[int, Field(ge=1, le=8)] = 1
+    resolve: Literal["interpolate", "ray"] = "interpolate"
 
     paper: ClassVar[str] = "Estalella et al. 2006"
     limits: ClassVar[dict[str, str]] = {
@@ -152,7 +155,7 @@ class ImageSpaceSearch(Method):
 
     def prepare(self, scene: Scene) -> State:
         mirrors = [_mirror(reflector, self.multi) for reflector in scene.reflectors]
-        return State(vertexwise.scenery(scene), mirrors, [], None)
+        return State(vertexwise.scenery(scene, self.resolve), mirrors, [], None)
 
     def update(self, state: State, frame: Frame) -> State:
         return replace(state, scenery=vertexwise.posed(state.scenery, frame))
@@ -173,7 +176,7 @@ class ImageSpaceSearch(Method):
             if seeds is not None:
                 made, reads = _search_several(problem, mesh, seeds, picture, self.multi, options)
                 back = virtual.nearest_back(proxy, frame.poses, problem.part, frame.view) if seeds.closed else None
-                return branches.solved(made, sight.Shadow(mesh, pose), back, self.hidden, own, {"texel_reads": reads})
+                return branches.solved(made, sight.Shadow(mesh, pose), back, drawing, own, {"texel_reads": reads})
             last = cold or state.ends[i]
             assert last is not None
             images, vertices, end, reads = _search(problem, picture, window, last, options, "one" if mesh.convex else "several")

@@ -68,6 +68,8 @@ class Newton(Method):
     self_reflection  the mirror in itself, where it is not convex: "black", which takes one ray per pixel of it, or "omitted"
     max_iter  points after which a walk gives up
     multi     reflections per vertex that are found and drawn; with more than one, every walk is a cold one
+    resolve   what a pixel shows: "interpolate" between the corners of the triangle that covers it, or what its own "ray" meets
+              of the triangles that it and the pixels around it name (kernels.vertices.exact)
     """
 
     warm: bool = True
@@ -76,6 +78,7 @@ class Newton(Method):
     self_reflection: Literal["black", "omitted"] = "black"
     max_iter: Annotated[int, Field(ge=1, le=65536)] = 60
     multi: Annotated[int, Field(ge=1, le=8)] = 1
+    resolve: Literal["interpolate", "ray"] = "interpolate"
 
     paper: ClassVar[str] = "Jakob and Marschner 2012"
     limits: ClassVar[dict[str, str]] = {
@@ -95,7 +98,7 @@ class Newton(Method):
             else None
             for r, mesh in zip(scene.reflectors, mirrors, strict=True)
         ]
-        return State(vertexwise.scenery(scene), mirrors, seeds, [], None)
+        return State(vertexwise.scenery(scene, self.resolve), mirrors, seeds, [], None)
 
     def update(self, state: State, frame: Frame) -> State:
         return replace(state, scenery=vertexwise.posed(state.scenery, frame))
@@ -103,6 +106,7 @@ class Newton(Method):
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         seen, last_view = state.scenery, state.view if self.warm else None
         cold = None if last_view is not None else Ends.cold(seen.triangles.vertex_count)
+        drawing = virtual.Drawing(self.hidden)
 
         def solve(i: int, problem: problems.Problem) -> vertexwise.Solved:
             mesh, seeds, pose = state.mirrors[i], state.seeds[i], problem.pose
@@ -110,11 +114,11 @@ class Newton(Method):
             closed = mesh.closed and not mesh.convex if seeds is None else seeds.closed
             back = virtual.nearest_back(frame.proxies[i], frame.poses, problem.part, frame.view) if closed else None
             if seeds is not None:
-                return branches.solved(_solve_several(problem, mesh, seeds, self.multi), hider, back, self.hidden, own)
+                return branches.solved(_solve_several(problem, mesh, seeds, self.multi), hider, back, drawing, own)
             last = cold or state.ends[i]
             assert last is not None
             images, vertices, end = _solve(problem, mesh, last, self.hidden)
-            drawing, whole = virtual.Drawing(self.hidden), mesh.convex and self.hidden == "cut"
+            whole = mesh.convex and self.hidden == "cut"
             return vertexwise.Solved(images, end, vertices, drawing, hider, back, whole, own=own)
 
         reflection, ends = vertexwise.shown(

@@ -156,6 +156,8 @@ class SecantTriangle(Method):
     max_iter        samples, and again points, after which a search gives up
     multi           reflections per vertex that are found and drawn; with more than one, every search is a cold one from a
                     small triangle around a point of the mirror, and hidden vertices are "cut" or their triangles dropped
+    resolve         what a pixel shows: "interpolate" between the corners of the triangle that covers it, as the paper does, or
+                    what its own "ray" meets of the triangles that it and the pixels around it name (kernels.vertices.exact)
     """
 
     resolution: Annotated[int, Field(ge=8, le=2048)] = 256
@@ -172,6 +174,7 @@ class SecantTriangle(Method):
     self_reflection: Literal["black", "omitted"] = "black"
     max_iter: Annotated[int, Field(ge=1, le=65536)] = 60
     multi: Annotated[int, Field(ge=1, le=8)] = 1
+    resolve: Literal["interpolate", "ray"] = "interpolate"
 
     paper: ClassVar[str] = "Roger and Holzschuch 2006"
     limits: ClassVar[dict[str, str]] = {
@@ -210,7 +213,7 @@ class SecantTriangle(Method):
             mirrors.append(Mirror(star, walked, sheet, seeds))
         corners = np.concatenate([np.asarray(part.mesh.transformed(part.pose(0.0)).vertices) for part in scene.parts])
         d_max = dr.opaque(mi.Float, FARTHEST * float(np.linalg.norm(np.ptp(corners, axis=0))))
-        return State(vertexwise.scenery(scene), mirrors, [], None, d_max)
+        return State(vertexwise.scenery(scene, self.resolve), mirrors, [], None, d_max)
 
     def update(self, state: State, frame: Frame) -> State:
         return replace(state, scenery=vertexwise.posed(state.scenery, frame))
@@ -221,6 +224,7 @@ class SecantTriangle(Method):
         cold = None if last_view is not None else Ends.cold(seen.triangles.vertex_count)
         scale = Scale(dr.opaque(mi.Float, self.tau), state.d_max)
         policy = {"cut": "cut", "drop": "drop", "emdt_mirror": "keep", "clamp": "keep"}[self.hidden]
+        drawing = virtual.Drawing(policy, self.depth)
 
         def solve(i: int, problem: problems.Problem) -> vertexwise.Solved:
             mirror, pose, proxy = state.mirrors[i], problem.pose, frame.proxies[i]
@@ -232,7 +236,7 @@ class SecantTriangle(Method):
             back = virtual.nearest_back(proxy, frame.poses, problem.part, frame.view) if closed else None
             if mirror.seeds is not None:
                 made, backtracks = _solve_several(problem, mirror, self.multi, scale, options)
-                return branches.solved(made, hider, back, self.hidden, own, {"backtracks": backtracks})
+                return branches.solved(made, hider, back, drawing, own, {"backtracks": backtracks})
             picture = None
             if self.hidden == "emdt_mirror":
                 camera = textures.window(frame.view, frame.boxes[i], WIDENING).view
@@ -244,7 +248,7 @@ class SecantTriangle(Method):
                 images=images,
                 end=end,
                 vertices=vertices,
-                drawing=virtual.Drawing(policy, self.depth),
+                drawing=drawing,
                 hider=hider,
                 back=back,
                 whole=mirror.mesh.convex and self.hidden != "drop",

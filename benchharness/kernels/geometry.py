@@ -81,9 +81,7 @@ def oriented_closed_faces(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray
     one, so that boxes that touch are as closed as they were apart. An edge may have more than two faces; light is baked by
     `modelling.winding.closed_faces`, where it may not, and the winding does not matter.
     """
-    size = max(float(np.ptp(vertices, axis=0).max()), 1e-30)
-    _, weld = np.unique(np.round(vertices / (1e-6 * size)).astype(np.int64), axis=0, return_inverse=True)
-    f = weld.reshape(-1)[faces]
+    f = welded(vertices)[faces]
     count = int(f.max()) + 1
     edges = np.stack([f, np.roll(f, -1, axis=1)], axis=2).reshape(-1, 2).astype(np.int64)
     forward, backward = edges[:, 0] * count + edges[:, 1], edges[:, 1] * count + edges[:, 0]
@@ -95,6 +93,13 @@ def oriented_closed_faces(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray
     torn = np.zeros(piece.max() + 1, bool)
     torn[piece[edges[~sound, 0]]] = True
     return ~torn[piece[f[:, 0]]]
+
+
+def welded(vertices: np.ndarray) -> np.ndarray:
+    """A number per place for vertices [V, 3], int64 [V]; those that round to the same millionth of the size are at one."""
+    size = max(float(np.ptp(vertices, axis=0).max()), 1e-30)
+    _, place = np.unique(np.round(vertices / (1e-6 * size)).astype(np.int64), axis=0, return_inverse=True)
+    return place.reshape(-1)
 
 
 def radiance(triangles: Geometry, face: mi.Vector4u, weights: mi.Vector3f, viewer: mi.Point3f, active: mi.Bool) -> mi.Color3f:

@@ -102,6 +102,7 @@ def _picture(stage: Stage, reflection: Reflection) -> np.ndarray:
         part = dr.opaque(mi.UInt32, seen.objects + i)
         world = replace(seen.world, attributes=light, shine=None)
         target = virtual.Target(frame.view, frame.p, frame.reflector == i)
-        shown, _, hit, _ = virtual.draw(images, world, part, target, virtual.Drawing("drop"))
-        total, covered = total + shown.x, covered | hit
+        drawing = virtual.Drawing("drop")
+        drawn = virtual.interpolated(virtual.nearest(images, world, part, target, drawing), target, drawing.depth)
+        total, covered = total + drawn.L.x, covered | drawn.covered
     return np.where(np.array(covered), np.array(total), np.nan).reshape(stage.size[1], stage.size[0])

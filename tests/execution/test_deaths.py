@@ -224,7 +224,9 @@ cli.main()
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_who_interrupts_what_has_ended_changes_nothing(number):
-    done = subprocess.run([sys.executable, "-c", LATE, "--version", str(int(number))], capture_output=True, text=True, timeout=60)
+    done = subprocess.run(
+        [sys.executable, "-c", LATE, "--version", str(int(number))], capture_output=True, text=True, timeout=60
+    )
     assert (done.returncode, done.stdout.startswith("benchharness"), done.stderr) == (0, True, "")
 
 

@@ -235,8 +235,10 @@ def test_cut_triangles_shine_like_whole_ones():
     window = textures.window(frame.view, frame.boxes[0], 1.0)
     texture = textures.render(frame.proxies[0], frame.poses, dr.opaque(mi.UInt32, 0), window.view)
     target = virtual.Target(frame.view, frame.p, frame.reflector == 0)
-    L, _, covered, _ = virtual.draw(images, triangles, dr.opaque(mi.UInt32, 1), target, virtual.Drawing("cut"), texture)
-    L, covered = np.array(L).T, np.array(covered)
+    part = dr.opaque(mi.UInt32, 1)
+    shown = virtual.nearest(images, triangles, part, target, virtual.Drawing("cut"), texture)
+    drawn = virtual.interpolated(shown, target, "perspective")
+    L, covered = np.array(drawn.L).T, np.array(drawn.covered)
 
     d = rays(made.camera(0.0), *SIZE)
     p = eye - (eye[1] / d[:, 1])[:, None] * d

@@ -45,3 +45,34 @@ def first_hits(made: Scene, time: float, width: int, height: int, beyond: np.nda
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
     normal *= np.where(((eye - p) * normal).sum(1) < 0, -1, 1)[:, None]
     return part, p, normal, radiance, margin > 1e-4
+
+
+def reflected_hits(made: Scene, time: float, o: np.ndarray, d: np.ndarray, mirror: int):
+    """(triangle or -1, distance, radiance, clear) of rays o + t d, [N, 3] each, past mirror number `mirror`; triangles are
+    numbered over all parts in their order, backs of closed parts count. `clear`: rounding changes nothing."""
+    count = len(o)
+    best, which = np.full(count, np.inf), np.full(count, -1)
+    radiance, margin = np.tile(made.background, (count, 1)).astype(float), np.full(count, np.inf)
+    number = 0
+    for place, thing in enumerate(made.parts):
+        mesh = thing.mesh.transformed(thing.pose(time))
+        for face in mesh.faces:
+            number += 1
+            if place == len(made.objects) + mirror:
+                continue
+            a, b, c = (mesh.vertices[i] - o for i in face)
+            volumes = np.stack([(d * np.cross(*pair)).sum(1) for pair in ((b, c), (c, a), (a, b))], axis=1)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                weights = volumes / volumes.sum(axis=1, keepdims=True)
+            t = ((weights[:, :1] * a + weights[:, 1:2] * b + weights[:, 2:] * c) * d).sum(1)
+            inside = (weights >= 0).all(axis=1) & (t > 0)
+            near = (weights > -1e-4).all(axis=1) & (t > -1e-4)
+            margin = np.where(near, np.minimum(margin, np.abs(weights).min(axis=1)), margin)
+            margin = np.where(inside & np.isfinite(best), np.minimum(margin, np.abs(t - best)), margin)
+            closer = inside & (t < best)
+            best, which = np.where(closer, t, best), np.where(closer, number - 1, which)
+            if not isinstance(thing, Reflector):
+                radiance[closer] = weights[closer] @ mesh.radiance[face]
+            else:
+                radiance[closer] = 0
+    return which, best, radiance, margin > 1e-4

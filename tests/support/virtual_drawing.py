@@ -48,8 +48,9 @@ def draw(made, moved, kind, at, hidden="cut", depth="perspective", whole=False, 
     back = virtual.nearest_back(frame.proxies[0], frame.poses, dr.opaque(mi.UInt32, 0), frame.view) if behind else None
     images = virtual.Images(mi.Float(packets.ravel()), mi.Float(points.ravel()))
     target = virtual.Target(frame.view, frame.p, frame.reflector == 0, back)
-    L, distance, covered, _ = virtual.draw(images, triangles, part, target, virtual.Drawing(hidden, depth), texture)
-    return np.array(L).T, np.array(distance), np.array(covered), frame
+    shown = virtual.nearest(images, triangles, part, target, virtual.Drawing(hidden, depth), texture)
+    drawn = virtual.interpolated(shown, target, depth)
+    return np.array(drawn.L).T, np.array(drawn.distance), np.array(drawn.covered), frame
 
 
 def in_the_plane(V, eye=EYE):

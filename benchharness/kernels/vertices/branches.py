@@ -117,14 +117,14 @@ def solved(
     made: Arranged,
     hider: sight.Shadow,
     back: mi.Float | None,
-    hidden: str,
+    drawing: virtual.Drawing,
     own: Own | None,
     counters: dict[str, mi.UInt32] | None = None,
 ) -> vertexwise.Solved:
     """What `vertexwise.shown` draws of a mirror.
 
     back      `virtual.nearest_back` of a mirror whose back is never seen, else None
-    hidden    as `virtual.Drawing` has it
+    drawing   how to draw it
     own       what is asked where the mirror meets itself, or None
     counters  further work
     """
@@ -132,7 +132,7 @@ def solved(
         images=made.images,
         end=None,
         vertices=made.vertices,
-        drawing=virtual.Drawing(hidden),
+        drawing=drawing,
         hider=hider,
         back=back,
         counters={**made.counters, **(counters or {})},

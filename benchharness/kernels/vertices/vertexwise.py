@@ -15,7 +15,7 @@ import mitsuba as mi
 from benchharness.kernels import geometry, optics, passage, surroundings
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.types import Frame, Reflection, SceneLike, Vertices, View
-from benchharness.kernels.vertices import textures, virtual
+from benchharness.kernels.vertices import adjacency, exact, textures, virtual
 from benchharness.kernels.vertices.problems import UNKNOWN, Problem
 
 
@@ -29,6 +29,7 @@ class Scenery:
     objects       how many parts are objects; reflectors come after them
     enclosed      per reflector, `benchharness.scene.Scene.enclosed`
     boxes         that hold all parts; None without surroundings
+    beside        `adjacency.neighbours`, None where no ray asks
     """
 
     triangles: geometry.Geometry
@@ -37,6 +38,7 @@ class Scenery:
     objects: int
     enclosed: tuple[bool, ...]
     boxes: passage.Boxes | None
+    beside: mi.UInt32 | None
 
     def parts_shown(self, others: str) -> mi.UInt32:
         """Parts from this number on are left out: other mirrors are shown "black" or "omitted"."""
@@ -82,13 +84,14 @@ class Solved:
     own: SelfMeeting | None = None
 
 
-def scenery(scene: SceneLike) -> Scenery:
-    """What a `benchharness.scene.Scene` shows, uploaded."""
+def scenery(scene: SceneLike, resolve: str = "interpolate") -> Scenery:
+    """What a `benchharness.scene.Scene` shows, uploaded. `resolve`: what pixels show, "interpolate" or "ray"."""
     triangles = geometry.of_scene(scene)
     any_light = scene.environment is not None or max(scene.background) > 0
     around = surroundings.of_scene(scene) if any_light and not all(scene.enclosed) else None
     boxes = None if around is None else passage.of_scene(scene)
-    return Scenery(triangles, triangles, around, len(scene.objects), tuple(scene.enclosed), boxes)
+    beside = adjacency.neighbours(scene) if resolve == "ray" else None
+    return Scenery(triangles, triangles, around, len(scene.objects), tuple(scene.enclosed), boxes, beside)
 
 
 def posed(seen: Scenery, frame: Frame) -> Scenery:
@@ -111,7 +114,7 @@ def shown(
     other_mirrors  as `Scenery.parts_shown` has them
     last_view      the camera of the last frame, None if nothing is known of it
     """
-    asked = Problem(
+    problem = Problem(
         world=seen.world,
         part=mi.UInt32(0),  # of each mirror in turn
         shown_parts=seen.parts_shown(other_mirrors),
@@ -121,24 +124,17 @@ def shown(
         last_view=frame.view if last_view is None else last_view,
         max_iter=dr.opaque(mi.UInt32, max_iter),
     )
-    count = frame.view.width * frame.view.height
-    numbers, solved = [dr.zeros(mi.Float, count) for _ in range(4)], []
-    found, doubt = dr.zeros(mi.Bool, count), dr.zeros(mi.Bool, count) if frame.doubts else None
+    solved, drawn = [], []
     for i in range(len(frame.proxies)):
         part = dr.opaque(mi.UInt32, seen.objects + i)
-        one = solve(i, replace(asked, part=part))
-        window = textures.window(frame.view, frame.boxes[i], 1.0)
-        layer = dr.opaque(mi.Int32, i)
-        pixel, p, own, back = _within(window, frame.view.width, frame.p, frame.reflector, layer, one.back)
-        target = virtual.Target(window.view, p, own, back)
-        L, length, covered, unsure = virtual.draw(one.images, one.triangles or seen.world, part, target, one.drawing, one.hider)
-        for values, value in zip(numbers, (L.x, L.y, L.z, length), strict=True):
-            dr.scatter(values, value, pixel, covered)
-        dr.scatter(found, covered, pixel, covered)
-        if doubt is not None:
-            dr.scatter(doubt, unsure, pixel, unsure)
+        one = solve(i, replace(problem, part=part))
+        window, layer = textures.window(frame.view, frame.boxes[i], 1.0), dr.opaque(mi.Int32, i)
+        pixel, target = _within(window, frame.view.width, frame.p, frame.reflector, layer, one.back)
+        nearest = virtual.nearest(one.images, one.triangles or seen.world, part, target, one.drawing, one.hider)
         solved.append(one)
-    L, distance = mi.Color3f(*numbers[:3]), numbers[3]
+        drawn.append(_Drawn(pixel, target, nearest, one.drawing.depth))
+    picture = _interpolated(frame, drawn) if seen.beside is None else _by_rays(seen, seen.beside, frame, drawn)
+    L, distance, found, doubt = picture.L, picture.distance, picture.found, picture.doubt
     for i, one in enumerate(solved):
         if one.own is not None:
             met, t = one.own.meets(frame, distance, found, frame.reflector == i)
@@ -154,7 +150,52 @@ def shown(
         if doubt is not None:
             doubt |= _may_be_lost(seen, frame, solved, sky)
     vertices, counters = _reported(solved)
-    return Reflection(L, distance, found, vertices, counters, doubt), [one.end for one in solved]
+    return Reflection(L, distance, found, vertices, {**counters, **picture.counters}, doubt), [one.end for one in solved]
+
+
+@dataclass
+class _Drawn:
+    """One mirror's images drawn: the pixels of its part of the picture, what is there, the nearest virtual triangles, and how
+    to interpolate them."""
+
+    pixel: mi.UInt32
+    target: virtual.Target
+    nearest: virtual.Nearest
+    depth: str
+
+
+def _interpolated(frame: Frame, drawn: list[_Drawn]) -> Reflection:
+    """What virtual triangles show."""
+    count = frame.view.width * frame.view.height
+    numbers, found = [dr.zeros(mi.Float, count) for _ in range(4)], dr.zeros(mi.Bool, count)
+    doubt = dr.zeros(mi.Bool, count) if frame.doubts else None
+    for one in drawn:
+        shows = virtual.interpolated(one.nearest, one.target, one.depth)
+        for values, value in zip(numbers, (*shows.L, shows.distance), strict=True):
+            dr.scatter(values, value, one.pixel, shows.covered)
+        dr.scatter(found, shows.covered, one.pixel, shows.covered)
+        if doubt is not None:
+            dr.scatter(doubt, shows.doubt, one.pixel, shows.doubt)
+    return Reflection(mi.Color3f(*numbers[:3]), numbers[3], found, doubt=doubt)
+
+
+def _by_rays(seen: Scenery, beside: mi.UInt32, frame: Frame, drawn: list[_Drawn]) -> Reflection:
+    """What the pixels' own rays meet of what virtual triangles are images of."""
+    count = frame.view.width * frame.view.height
+    if dr.width(frame.pixels) == 0:  # no mirror in view
+        nothing = dr.zeros(mi.Float, count)
+        doubt = dr.zeros(mi.Bool, count) if frame.doubts else None
+        return Reflection(mi.Color3f(nothing), nothing, dr.zeros(mi.Bool, count), None, {"unmet": mi.UInt32(0)}, doubt)
+    names, banded = dr.full(mi.UInt32, exact.NONE, count), dr.zeros(mi.Bool, count)
+    for one in drawn:
+        name, in_band = virtual.named(one.nearest, one.target, seen.world.face_count)
+        dr.scatter(names, name, one.pixel, one.target.own)
+        dr.scatter(banded, in_band, one.pixel, in_band)
+    asked = exact.Asked(seen.world, beside, dr.opaque(mi.UInt32, seen.objects))
+    shows = exact.shown(asked, frame, names, frame.active & passage.walled(seen.enclosed, frame.reflector))
+    unmet = frame.active & shows.unmet
+    doubt = unmet | banded if frame.doubts else None
+    return Reflection(shows.L, shows.distance, frame.active & shows.found, None, {"unmet": mi.UInt32(unmet)}, doubt)
 
 
 def _reported(solved: list[Solved]) -> tuple[Vertices, dict[str, mi.UInt32]]:
@@ -221,14 +262,13 @@ def _looked_up(around: surroundings.Surroundings, v: mi.Vector3f, n: mi.Normal3f
 @frozen
 def _within(
     window: textures.Window, width: int, p: mi.Point3f, reflector: mi.Int32, layer: mi.Int32, back: mi.Float | None
-) -> tuple[mi.UInt32, mi.Point3f, mi.Bool, mi.Float | None]:
-    """The pixels that a window covers, in its order, and what is there: the point, whether it is of mirror number `layer`, and
-    the nearness of its back."""
+) -> tuple[mi.UInt32, virtual.Target]:
+    """The pixels that a window covers, in its order, and what is there of mirror number `layer`."""
     lane = dr.arange(mi.UInt32, window.view.width * window.view.height)
     row = lane // window.view.width
     pixel = (row + mi.UInt32(window.top)) * width + lane - row * window.view.width + mi.UInt32(window.left)
-    own = dr.gather(mi.Int32, reflector, pixel) == layer
-    return pixel, dr.gather(mi.Point3f, p, pixel), own, None if back is None else dr.gather(mi.Float, back, pixel)
+    own, p = dr.gather(mi.Int32, reflector, pixel) == layer, dr.gather(mi.Point3f, p, pixel)
+    return pixel, virtual.Target(window.view, p, own, None if back is None else dr.gather(mi.Float, back, pixel))
 
 
 def _joined(arrays: list):

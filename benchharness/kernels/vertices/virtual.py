@@ -11,6 +11,8 @@ too, whose vertices lie on the same rays of the eye at depth 1 / (1 - d_V / d_ma
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import drjit as dr
 import mitsuba as mi
 
@@ -34,10 +36,39 @@ def sorted_by_length(R: mi.Point3f, d_V: mi.Float, d_max: mi.Float, view: View) 
     return mi.Point3f(R + (there - depths.offset(view, R)) * direction)
 
 
-def draw(
+@dataclass
+class Drawn:
+    """What one mirror shows, a lane per pixel, 0 where it is not seen: radiance, length of the reflected ray, whether anything
+    covers the pixel, and whether that may be wrong."""
+
+    L: mi.Color3f
+    distance: mi.Float
+    covered: mi.Bool
+    doubt: mi.Bool
+
+
+@dataclass
+class Nearest:
+    """The nearest virtual triangles, one lane per pixel.
+
+    visibility  of `raster.rasterize`
+    spans       the points that triangles lie between, in whose plane what they carry is interpolated
+    triangles   what they are images of; their number t is an image of the scene's number t % face_count
+    bands       None where no doubt is asked for
+    banded      the bands that cover a pixel, as `bent.covered` has them
+    """
+
+    visibility: mi.UInt32
+    spans: mi.Float
+    triangles: geometry.Geometry
+    bands: bent.Bands | None
+    banded: mi.UInt32 | None
+
+
+def nearest(
     images: Images, triangles: geometry.Geometry, part: mi.UInt32, target: Target, drawing: Drawing, hider: Hider | None = None
-) -> tuple[mi.Color3f, mi.Float, mi.Bool, mi.Bool]:
-    """What one mirror shows: radiance, length of the reflected ray, coverage, doubt; a lane per pixel, 0 where it is not seen.
+) -> Nearest:
+    """Which virtual triangles one mirror shows.
 
     triangles  the scene in world space; from `geometry.placed`, so that highlights are those that each pixel's `p` sees
     part       number of the mirror's part, which does not show itself
@@ -54,7 +85,7 @@ def draw(
     banded = None
     if made.bands is not None:
         banded = bent.covered(made.bands, view, dr.select(target.own, mi.Float(dr.inf), -dr.inf))
-    return _resolved(spans, shown, visibility, target, made.bands, banded, drawing.depth)
+    return Nearest(visibility, spans, shown, made.bands, banded)
 
 
 def nearest_back(surface: Surface, poses: mi.Float, part: mi.UInt32, view: View) -> mi.Float:
@@ -78,35 +109,36 @@ def _nearness_at(points: mi.Float, faces: mi.UInt32, visibility: mi.UInt32, view
 
 @frozen
 @dr.syntax
-def _resolved(
-    spans: mi.Float,
-    triangles: geometry.Geometry,
-    visibility: mi.UInt32,
-    target: Target,
-    bands: bent.Bands | None,
-    banded: mi.UInt32 | None,
-    depth: str,
-) -> tuple[mi.Color3f, mi.Float, mi.Bool, mi.Bool]:
-    """What the nearest triangles show.
-
-    spans   the points that triangles lie between, in whose plane what they carry is interpolated
-    banded  the bands that cover a pixel, as `bent.covered` has them
-    """
-    view, p, own = target.view, target.p, target.own
+def interpolated(shown: Nearest, target: Target, depth: str) -> Drawn:
+    """What lies between the corners of the nearest triangles, where the eye's ray meets them. `depth`: as `Drawing` has it."""
+    view, p, own, triangles = target.view, target.p, target.own, shown.triangles
     pixel = dr.arange(mi.UInt32, view.width * view.height)
-    triangle = raster.winner_at(visibility, view, pixel, own)
+    triangle = raster.winner_at(shown.visibility, view, pixel, own)
     hit = own & (triangle != raster.NONE)
     L, distance = mi.Color3f(0), mi.Float(0)
     if hit:
-        face, weights, q = raster.met(spans, triangles.faces, triangle, view, pixel)
+        face, weights, q = raster.met(shown.spans, triangles.faces, triangle, view, pixel)
         L = geometry.radiance(triangles, face, weights, p, mi.Bool(True))
         if dr.hint(depth == "screen_linear", mode="scalar"):
             distance = dr.norm(raster.interpolate(triangles.points, face, weights, mi.Bool(True)).xyz - p)
         else:
             distance = dr.maximum(dr.dot(q - p, dr.normalize(p - view.eye)), 0)
     doubt = mi.Bool(False)
-    if bands is not None:
+    if shown.bands is not None:
         # A triangle that was cut is in two slots.
-        doubt = hit & dr.gather(mi.Bool, bands.doubted, triangle % (bands.count // 3), hit)
-        doubt |= own & (raster.winner_at(banded, view, pixel, own) != raster.NONE)
-    return L, distance, hit, doubt
+        doubt = hit & dr.gather(mi.Bool, shown.bands.doubted, triangle % (shown.bands.count // 3), hit)
+        doubt |= own & (raster.winner_at(shown.banded, view, pixel, own) != raster.NONE)
+    return Drawn(L, distance, hit, doubt)
+
+
+@frozen
+def named(shown: Nearest, target: Target, face_count: int) -> tuple[mi.UInt32, mi.Bool]:
+    """Of which of the scene's triangles the nearest are images, `raster.NONE` where there is none; and whether the pixel is in
+    a band."""
+    view, own = target.view, target.own
+    pixel = dr.arange(mi.UInt32, view.width * view.height)
+    triangle = raster.winner_at(shown.visibility, view, pixel, own)
+    doubt = mi.Bool(False)
+    if shown.banded is not None:
+        doubt = own & (raster.winner_at(shown.banded, view, pixel, own) != raster.NONE)
+    return dr.select(own & (triangle != raster.NONE), triangle % face_count, raster.NONE), doubt

@@ -183,7 +183,7 @@ def test_of_a_vertex_s_images_the_nearest_to_it_is_known():
     """Places 0 to 2 lie 3, 0.5 and 0.1 away from it; the last of them was not found."""
     V = np.array([[0, 0, 5], [1, 0, 5], [0, 1, 5]], np.float32)
     away, code = (3.0, 0.5, 0.1), (1.0, 2.0, 0.0)
-    moved = np.concatenate([np.c_[V + [0, 0, d], np.ones(3)] for d in away] + [np.c_[V, np.zeros(3)]])
+    moved = np.concatenate([np.c_[V + np.array([0, 0, d]), np.ones(3)] for d in away] + [np.c_[V, np.zeros(3)]])
     at = np.concatenate([np.c_[V, np.full(3, c)] for c in (*code, 0.0)])
     images = virtual.Images(*(mi.Float(a.astype(np.float32).ravel()) for a in (moved, at)))
     world = geometry.upload([(V, np.zeros((3, 3)), np.array([[0, 1, 2]]))])

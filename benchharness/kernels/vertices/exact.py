@@ -1,0 +1,373 @@
+"""Exact pixels from straight images: the ray that a pixel reflects asks the few triangles that its surroundings name.
+
+Images of edges are bent and virtual triangles are straight, so what the raster pass finds at a pixel is near what the pixel
+shows and not quite it. Here it only names whom to ask: the triangle whose image covers the pixel. The ray that the pixel
+reflects is intersected with that triangle where it lies in the scene. If it passes beside it, it goes over that edge to the
+next triangle of the mesh, and so on for at most STEPS of them. Of all that a ray meets, the nearest is shown, with exact
+weights, distance and highlight. There are four passes, the later ones for few pixels:
+
+1. Every pixel asks the triangle that it names.
+2. At borders, and where nothing was met, pixels ask what the eight around them name: of other *pieces* of the scene than they
+   see, a piece being all triangles that hang together.
+3. Where a pixel now sees another piece than it names, images are wrong by a pixel at least. For all around it, REACH pixels
+   away, it asks what it names and what it sees.
+4. What still meets nothing and should asks, in eight directions, what the nearest pixel sees that sees anything: there no
+   image came near, as at the rim of a convex mirror in a room of few triangles.
+
+Nothing is built, and nothing has to be built again when things move: which triangles share an edge does not change. What no
+pixel near by names is not asked. So a thing that is thinner than its image is wrong may be missing, and the ray meets
+something farther away, or nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+
+from benchharness.kernels import geometry, optics, raster
+from benchharness.kernels import pixels as spreading
+from benchharness.kernels.frozen import frozen
+from benchharness.kernels.types import Frame, View
+from benchharness.kernels.vertices.adjacency import NONE
+
+STEPS = 16  # triangles that a ray asks from one candidate on, itself included
+REACH = (1, 2, 4, 8)  # pixels: how far around those that are wrong others are asked for, in eight directions
+FARTHEST = 128  # pixels, in which the fourth pass looks for one that sees anything
+TOUCH = 1e-6  # of a triangle's size as the ray sees it: a ray this much beside an edge meets both its triangles
+BEFORE = 1e-6  # of the coordinates: how much before its start a ray meets what touches the mirror
+AROUND = tuple((x, y) for y in (-1, 0, 1) for x in (-1, 0, 1) if (x, y) != (0, 0))  # columns and rows to what touches a pixel
+PLACES = len(REACH) * len(AROUND)
+
+
+@dataclass
+class Asked:
+    """What rays ask.
+
+    world    the scene in world space
+    beside   its `adjacency.neighbours`
+    objects  number of the first part that is a mirror; no mirror is asked of itself
+    """
+
+    world: geometry.Geometry
+    beside: mi.UInt32
+    objects: mi.UInt32
+
+
+@dataclass
+class Pixels:
+    """The mirrors' pixels, and the rays that they reflect, one lane per pixel of the frame.
+
+    lanes          those of the mirrors' pixels
+    active         which they are
+    named          the scene's triangle whose image covers a pixel, NONE for none
+    p, d           packets: start and number of the mirror, unit direction; defined at the mirrors' pixels
+    width, height  of the frame
+    """
+
+    lanes: mi.UInt32
+    active: mi.Bool
+    named: mi.UInt32
+    p: mi.Float
+    d: mi.Float
+    width: int
+    height: int
+
+    def beside(self, lane: mi.UInt32, x: mi.Int32 | int, y: mi.Int32 | int) -> tuple[mi.UInt32, mi.Bool]:
+        """The lane of the pixel x columns and y rows away, and whether it is in the frame."""
+        row = mi.Int32(lane // self.width)
+        column = mi.Int32(lane) - row * self.width + x
+        row += y
+        return mi.UInt32(row * self.width + column), (column >= 0) & (row >= 0) & (column < self.width) & (row < self.height)
+
+
+@dataclass
+class Ray:
+    """Start, unit direction, and the part of the mirror that it comes from."""
+
+    p: mi.Point3f
+    d: mi.Vector3f
+    part: mi.UInt32
+
+
+@dataclass
+class Hit:
+    """What a ray meets: number of the triangle, NONE for nothing, and how far away."""
+
+    triangle: mi.UInt32
+    t: mi.Float
+
+
+@dataclass
+class Shown:
+    """What the mirrors' pixels show, one lane per pixel of the frame, of no meaning at others: radiance and length of the ray;
+    whether there is an answer; and whether the ray meets nothing, although it should or a triangle is named."""
+
+    L: mi.Color3f
+    distance: mi.Float
+    found: mi.Bool
+    unmet: mi.Bool
+
+
+def shown(asked: Asked, frame: Frame, named: mi.UInt32, walled: mi.Bool) -> Shown:
+    """What the mirrors' pixels show.
+
+    named   as `Pixels` has it
+    walled  where a ray always meets something. One that meets no candidate is taken to show the point nearest to it of the
+            triangle that its pixel names; elsewhere it has no answer
+
+    Waits for the device twice, to learn how many pixels the later passes have.
+    """
+    view, lanes = frame.view, frame.pixels
+    seen = _Seen(frame.p, frame.n, frame.v, frame.reflector, frame.active)
+    pixels, hits, pieces, at_border = _first(asked, seen, lanes, named, (view.width, view.height))
+    border = dr.compress(at_border)
+    if dr.width(border) > 0:
+        hits = _asked_around(asked, pixels, hits, dr.gather(mi.UInt32, lanes, border))
+    wrong = dr.compress(_is_wrong(asked, pixels, hits, pieces))
+    if dr.width(wrong) > 0:
+        number = dr.arange(mi.UInt32, PLACES * dr.width(wrong))
+        hits.triangle = _asked_for(asked, pixels, hits, dr.gather(mi.UInt32, lanes, wrong), number)
+    lost = dr.compress(_is_lost(pixels, hits.triangle, walled))
+    if dr.width(lost) > 0:
+        hits.triangle = _asked_afar(asked, pixels, hits.triangle, dr.gather(mi.UInt32, lanes, lost))
+    return _shown(asked, pixels, hits.triangle, walled, view)
+
+
+@dataclass
+class _Seen:
+    """The first hits of a frame, as `types.Frame` has them."""
+
+    p: mi.Point3f
+    n: mi.Normal3f
+    v: mi.Vector3f
+    reflector: mi.Int32
+    active: mi.Bool
+
+
+@frozen
+def _first(
+    asked: Asked, seen: _Seen, lanes: mi.UInt32, named: mi.UInt32, size: tuple[int, int]
+) -> tuple[Pixels, Hit, mi.UInt32, mi.Bool]:
+    """The rays; what each meets from the triangle that its pixel names; the pieces that are named; and per mirror's pixel
+    whether one around it names a piece that it does not see."""
+    count = size[0] * size[1]
+    p, n, v = (dr.gather(type(a), a, lanes) for a in (seen.p, seen.n, seen.v))
+    part = asked.objects + mi.UInt32(dr.gather(mi.Int32, seen.reflector, lanes))
+    d = optics.reflect(v, n)
+    rays = [dr.empty(mi.Float, 4 * count) for _ in range(2)]
+    for buffer, value in zip(rays, (mi.Vector4f(p.x, p.y, p.z, mi.Float(part)), mi.Vector4f(d.x, d.y, d.z, 0)), strict=True):
+        dr.scatter(buffer, value, lanes)
+    start = dr.gather(mi.UInt32, named, lanes)
+    hit = _walked(asked, Ray(p, d, part), start, Hit(mi.UInt32(NONE), mi.Float(dr.inf)), start != NONE)
+    hits = Hit(dr.full(mi.UInt32, NONE, count), dr.full(mi.Float, dr.inf, count))
+    pieces = dr.full(mi.UInt32, NONE, count)
+    for buffer, value in ((hits.triangle, hit.triangle), (hits.t, hit.t), (pieces, _piece(asked, start))):
+        dr.scatter(buffer, value, lanes)
+    pixels = Pixels(lanes, seen.active, named, *rays, *size)
+    dr.eval(pixels, hits, pieces)
+
+    sees, differs = _piece(asked, dr.gather(mi.UInt32, hits.triangle, lanes)), mi.Bool(False)
+    for x, y in AROUND:
+        lane, inside = pixels.beside(lanes, x, y)
+        there = dr.gather(mi.UInt32, pieces, lane, inside)
+        differs |= inside & (there != NONE) & (there != sees)
+    return pixels, hits, pieces, differs
+
+
+def _piece(asked: Asked, triangle: mi.UInt32) -> mi.UInt32:
+    """The piece that a triangle is of, NONE for none."""
+    there = triangle != NONE
+    return dr.select(there, dr.gather(mi.UInt32, asked.beside, 4 * triangle + 3, there), NONE)
+
+
+def _ray(pixels: Pixels, lane: mi.UInt32, active: mi.Bool) -> Ray:
+    """The ray of a pixel."""
+    p, d = (dr.gather(mi.Vector4f, buffer, lane, active) for buffer in (pixels.p, pixels.d))
+    return Ray(mi.Point3f(p.x, p.y, p.z), mi.Vector3f(d.x, d.y, d.z), mi.UInt32(p.w))
+
+
+@frozen
+def _asked_around(asked: Asked, pixels: Pixels, hits: Hit, lanes: mi.UInt32) -> Hit:
+    """Hits, for which the pixels `lanes` have asked what the eight around them name: of other pieces than they see."""
+    ray = _ray(pixels, lanes, mi.Bool(True))
+    best = Hit(dr.gather(mi.UInt32, hits.triangle, lanes), dr.gather(mi.Float, hits.t, lanes))
+
+    def named(k: mi.UInt32) -> mi.UInt32:
+        lane, inside = pixels.beside(lanes, *_around(k))
+        return dr.select(inside, dr.gather(mi.UInt32, pixels.named, lane, inside), NONE)
+
+    best = _asks(asked, ray, best, named, len(AROUND))
+    found = Hit(mi.UInt32(hits.triangle), mi.Float(hits.t))
+    dr.scatter(found.triangle, best.triangle, lanes)
+    dr.scatter(found.t, best.t, lanes)
+    return found
+
+
+def _around(k: mi.UInt32) -> tuple[mi.Int32, mi.Int32]:
+    """Number k of AROUND."""
+    place = dr.select(k < len(AROUND) // 2, k, k + 1)
+    return mi.Int32(place % 3) - 1, mi.Int32(place // 3) - 1
+
+
+@frozen
+def _is_wrong(asked: Asked, pixels: Pixels, hits: Hit, pieces: mi.UInt32) -> mi.Bool:
+    """Per mirror's pixel, whether it sees another piece than it names."""
+    sees = _piece(asked, dr.gather(mi.UInt32, hits.triangle, pixels.lanes))
+    return sees != dr.gather(mi.UInt32, pieces, pixels.lanes)
+
+
+@frozen
+def _asked_for(asked: Asked, pixels: Pixels, hits: Hit, lanes: mi.UInt32, number: mi.UInt32) -> mi.UInt32:
+    """What rays meet, after those around the pixels `lanes` have asked for what these name and see; `number` counts PLACES for
+    each."""
+    centre = dr.gather(mi.UInt32, lanes, number // PLACES)
+    place = number % PLACES
+    x, y = _around(place % len(AROUND))
+    reach = mi.Int32(REACH[0])
+    for k in range(1, len(REACH)):
+        reach = dr.select(place // len(AROUND) == k, REACH[k], reach)
+    lane, inside = pixels.beside(centre, reach * x, reach * y)
+    inside &= dr.gather(mi.Bool, pixels.active, lane, inside)
+    ray = _ray(pixels, lane, inside)
+    t = dr.gather(mi.Float, hits.t, lane, inside)
+    best = Hit(dr.gather(mi.UInt32, hits.triangle, lane, inside), mi.Float(t))
+    about = [dr.select(inside, dr.gather(mi.UInt32, names, centre, inside), NONE) for names in (pixels.named, hits.triangle)]
+    best = _asks(asked, ray, best, lambda k: dr.select(k == 0, *about), len(about))
+    keys = dr.empty(mi.UInt64, pixels.width * pixels.height)
+    here = Hit(dr.gather(mi.UInt32, hits.triangle, pixels.lanes), dr.gather(mi.Float, hits.t, pixels.lanes))
+    dr.scatter(keys, _key(here), pixels.lanes)
+    dr.eval(keys)
+    nearer = inside & (best.t < t)
+    dr.scatter_reduce(dr.ReduceOp.Min, keys, _key(best), lane, nearer)
+    triangles = dr.full(mi.UInt32, NONE, pixels.width * pixels.height)
+    dr.scatter(triangles, mi.UInt32(dr.gather(mi.UInt64, keys, pixels.lanes) & NONE), pixels.lanes)
+    return triangles
+
+
+@frozen
+def _is_lost(pixels: Pixels, triangles: mi.UInt32, walled: mi.Bool) -> mi.Bool:
+    """Per mirror's pixel, whether its ray meets nothing although it should, or a triangle is named."""
+    should = dr.gather(mi.Bool, walled, pixels.lanes) | (dr.gather(mi.UInt32, pixels.named, pixels.lanes) != NONE)
+    return should & (dr.gather(mi.UInt32, triangles, pixels.lanes) == NONE)
+
+
+@frozen
+@dr.syntax
+def _asked_afar(asked: Asked, pixels: Pixels, triangles: mi.UInt32, lanes: mi.UInt32) -> mi.UInt32:
+    """What rays meet, after the pixels `lanes` have asked what the nearest see that see anything, in eight directions."""
+    ray = _ray(pixels, lanes, mi.Bool(True))
+    best, k, last = Hit(mi.UInt32(NONE), mi.Float(dr.inf)), mi.UInt32(0), mi.UInt32(NONE)
+    while dr.hint(k < len(AROUND), label="look in eight directions"):
+        x, y = _around(k)
+        far, candidate = mi.Int32(1), mi.UInt32(NONE)
+        while dr.hint((candidate == NONE) & (far <= FARTHEST), label="look for a pixel that sees anything"):
+            lane, inside = pixels.beside(lanes, far * x, far * y)
+            inside &= dr.gather(mi.Bool, pixels.active, lane, inside)
+            candidate = dr.select(inside, dr.gather(mi.UInt32, triangles, lane, inside), NONE)
+            far += 1 + far // 4
+        if (candidate != NONE) & (candidate != last):
+            best = _walked(asked, ray, candidate, best, mi.Bool(True))
+            last = mi.UInt32(candidate)
+        k += 1
+    found = mi.UInt32(triangles)
+    dr.scatter(found, best.triangle, lanes)
+    return found
+
+
+def _key(hit: Hit) -> mi.UInt64:
+    """A number that is smaller for what is nearer, and for the lower number of what is as near."""
+    return (mi.UInt64(dr.reinterpret_array(mi.UInt32, hit.t)) << 32) | mi.UInt64(hit.triangle)
+
+
+@frozen
+@dr.syntax
+def _shown(asked: Asked, pixels: Pixels, triangles: mi.UInt32, walled: mi.Bool, view: View) -> Shown:
+    """What the triangles that rays meet show, spread over the frame."""
+    lanes = pixels.lanes
+    triangle, named = dr.gather(mi.UInt32, triangles, lanes), dr.gather(mi.UInt32, pixels.named, lanes)
+    met, within = triangle != NONE, dr.gather(mi.Bool, walled, lanes)
+    found = met | (within & (named != NONE))
+    L, t = mi.Color3f(0), mi.Float(0)
+    if found:
+        ray = _ray(pixels, lanes, found)
+        passed = _passed(asked.world, ray, dr.select(met, triangle, named))
+        L, t = geometry.radiance(asked.world, passed.face, passed.weights, ray.p, found), dr.maximum(passed.t, 0)
+    unmet = ~met & (within | (named != NONE))
+    x, y, z, distance, answered, lost = spreading.spread([L.x, L.y, L.z, t, found, unmet], lanes, view)
+    return Shown(mi.Color3f(x, y, z), distance, answered, lost)
+
+
+@dataclass
+class _Passed:
+    """How a ray passes a triangle.
+
+    face     its packet
+    corners  from the ray's start
+    sides    volumes of the ray with the edges opposite to them: positive on the inner side, whichever side the ray comes from
+    volume   their sum before that, negative if the ray comes from the front
+    weights  of the corners where the ray meets it, or at the point of it that the signs of `sides` leave
+    t        how far along the ray that is
+    """
+
+    face: mi.Vector4u
+    corners: list[mi.Vector3f]
+    sides: mi.Vector3f
+    volume: mi.Float
+    weights: mi.Vector3f
+    t: mi.Float
+
+
+def _passed(world: geometry.Geometry, ray: Ray, triangle: mi.UInt32) -> _Passed:
+    face, corner = raster.corners(world.points, world.faces, triangle, mi.Bool(True))
+    a, b, c = (mi.Vector3f(q.xyz) - mi.Vector3f(ray.p) for q in corner)
+    sides = mi.Vector3f(dr.dot(ray.d, dr.cross(b, c)), dr.dot(ray.d, dr.cross(c, a)), dr.dot(ray.d, dr.cross(a, b)))
+    volume = sides.x + sides.y + sides.z
+    sides *= dr.sign(volume)
+    weights = dr.maximum(sides, 0)
+    weights *= dr.rcp(dr.maximum(weights.x + weights.y + weights.z, 1e-30))
+    t = dr.dot(weights.x * a + weights.y * b + weights.z * c, ray.d)
+    return _Passed(face, [a, b, c], sides, volume, weights, t)
+
+
+@dr.syntax
+def _asks(asked: Asked, ray: Ray, best: Hit, named: Callable[[mi.UInt32], mi.UInt32], count: int) -> Hit:
+    """What a ray meets from any of `count` triangles on, of pieces that it does not see yet, if that is nearer than `best`;
+    `named` gives the triangle of a number, NONE for none."""
+    sees, last, k = _piece(asked, best.triangle), mi.UInt32(NONE), mi.UInt32(0)
+    while dr.hint(k < count, label="ask one triangle after another"):
+        candidate = named(k)
+        if (candidate != NONE) & (candidate != last) & (_piece(asked, candidate) != sees):
+            best = _walked(asked, ray, candidate, best, mi.Bool(True))
+            sees = _piece(asked, best.triangle)
+            last = mi.UInt32(candidate)
+        k += 1
+    return best
+
+
+@dr.syntax
+def _walked(asked: Asked, ray: Ray, start: mi.UInt32, best: Hit, active: mi.Bool) -> Hit:
+    """What a ray meets from a triangle on, walking over the edges that it passes, if that is nearer than `best`."""
+    here, before, k, going = mi.UInt32(start), mi.UInt32(NONE), mi.UInt32(0), mi.Bool(active)
+    while dr.hint(going & (k < STEPS), label="walk over the edges that a ray passes"):
+        passed = _passed(asked.world, ray, here)
+        least = dr.min(passed.sides)
+        inside = (least >= -TOUCH * dr.abs(passed.volume)) & (passed.volume != 0)
+        # The back of a closed thing is never seen, and a mirror not in itself.
+        shown = ((passed.face.w & raster.CLOSED) == 0) | (passed.volume < 0)
+        shown &= geometry.part_of(passed.face) != ray.part
+        nearer = inside & shown & (passed.t > -BEFORE * (1 + dr.max(dr.abs(ray.p)))) & (passed.t < best.t)
+        best = dr.select(nearer, Hit(here, dr.maximum(passed.t, 0)), best)
+
+        # Beyond an outline there is nothing more to see of a closed thing, and behind what was met nothing of any.
+        a, b, c = (dr.dot(q, ray.d) for q in passed.corners)
+        going = ~inside & shown & (dr.minimum(dr.minimum(a, b), c) < best.t)
+        beside = dr.gather(mi.Vector4u, asked.beside, here, going)
+        there = dr.select(passed.sides.x == least, beside.x, dr.select(passed.sides.y == least, beside.y, beside.z))
+        going &= (there != NONE) & (there != before)
+        before = mi.UInt32(here)
+        here = dr.select(going, there, here)
+        k += 1
+    return best
