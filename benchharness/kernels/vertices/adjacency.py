@@ -33,8 +33,12 @@ def neighbours(scene: SceneLike) -> mi.UInt32:
 
 
 def _beside(faces: np.ndarray) -> np.ndarray:
-    """The face across each edge, int64 [F, 3], -1 for none; edge k is opposite to corner k."""
-    ends = np.sort(np.stack([np.roll(faces, -1, axis=1), np.roll(faces, -2, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    """The face across each edge, int64 [F, 3], -1 for none; edge k is opposite to corner k. Faces with two corners in one place
+    have no edges."""
+    sound = np.flatnonzero((faces != np.roll(faces, 1, axis=1)).all(axis=1))
+    beside = np.full((len(faces), 3), -1)
+    ends = np.stack([np.roll(faces[sound], -1, axis=1), np.roll(faces[sound], -2, axis=1)], axis=2)
+    ends = np.sort(ends.reshape(-1, 2), axis=1)
     order = np.lexsort((ends[:, 1], ends[:, 0]))
     along = ends[order]
     begins = np.ones(len(order), bool)
@@ -45,5 +49,6 @@ def _beside(faces: np.ndarray) -> np.ndarray:
     following[last] = first[last]
     met = np.empty(len(order), np.int64)
     met[order] = order[following] // 3
-    own = np.repeat(np.arange(len(faces)), 3)
-    return np.where(met == own, -1, met).reshape(-1, 3)
+    own = np.repeat(np.arange(len(sound)), 3)
+    beside[sound] = np.where(met == own, -1, sound[met]).reshape(-1, 3)
+    return beside

@@ -7,16 +7,16 @@ next triangle of the mesh, and so on for at most STEPS of them. Of all that a ra
 weights, distance and highlight. There are four passes, the later ones for few pixels:
 
 1. Every pixel asks the triangle that it names.
-2. At borders, and where nothing was met, pixels ask what the eight around them name: of other *pieces* of the scene than they
-   see, a piece being all triangles that hang together.
-3. Where a pixel now sees another piece than it names, images are wrong by a pixel at least. For all around it, REACH pixels
-   away, it asks what it names and what it sees.
-4. What still meets nothing and should asks, in eight directions, what the nearest pixel sees that sees anything: there no
-   image came near, as at the rim of a convex mirror in a room of few triangles.
+2. Where one of the eight pixels around names another *piece* of the scene than the pixel sees (a piece is all triangles that
+   hang together), or sees the same one much nearer, and where nothing was met, what those eight name is asked.
+3. Where a pixel now sees another piece than it names, its image is off by some pixels. The rays of 32 pixels around it, up to
+   eight pixels away, ask what it names and what it sees.
+4. A ray that still meets nothing, although it should, asks in eight directions what some pixel there sees. So far from any
+   image is the rim of a convex mirror in a room of few triangles.
 
-Nothing is built, and nothing has to be built again when things move: which triangles share an edge does not change. What no
-pixel near by names is not asked. So a thing that is thinner than its image is wrong may be missing, and the ray meets
-something farther away, or nothing.
+What shares an edge is worked out once; nothing has to be built again when things move. What no pixel near by names is not
+asked: something thin, whose image is farther off than it is wide, may be missing. The ray then meets something farther away,
+or nothing. So may a part of a piece that hides another part of it, unless a pixel beside sees it.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ STEPS = 16  # triangles that a ray asks from one candidate on, itself included
 REACH = (1, 2, 4, 8)  # pixels: how far around those that are wrong others are asked for, in eight directions
 FARTHEST = 128  # pixels, in which the fourth pass looks for one that sees anything
 TOUCH = 1e-6  # of a triangle's size as the ray sees it: a ray this much beside an edge meets both its triangles
+JUMP = 0.9  # of the distance: what the pixel beside sees nearer than this share of it may hide what is seen here
 BEFORE = 1e-6  # of the coordinates: how much before its start a ray meets what touches the mirror
 AROUND = tuple((x, y) for y in (-1, 0, 1) for x in (-1, 0, 1) if (x, y) != (0, 0))  # columns and rows to what touches a pixel
 PLACES = len(REACH) * len(AROUND)
@@ -77,10 +78,15 @@ class Pixels:
 
     def beside(self, lane: mi.UInt32, x: mi.Int32 | int, y: mi.Int32 | int) -> tuple[mi.UInt32, mi.Bool]:
         """The lane of the pixel x columns and y rows away, and whether it is in the frame."""
-        row = mi.Int32(lane // self.width)
-        column = mi.Int32(lane) - row * self.width + x
-        row += y
-        return mi.UInt32(row * self.width + column), (column >= 0) & (row >= 0) & (column < self.width) & (row < self.height)
+        return _beside(lane, x, y, self.width, self.height)
+
+
+def _beside(lane: mi.UInt32, x: mi.Int32 | int, y: mi.Int32 | int, width: int, height: int) -> tuple[mi.UInt32, mi.Bool]:
+    """`Pixels.beside`, for a picture of that size."""
+    row = mi.Int32(lane // width)
+    column = mi.Int32(lane) - row * width + x
+    row += y
+    return mi.UInt32(row * width + column), (column >= 0) & (row >= 0) & (column < width) & (row < height)
 
 
 @dataclass
@@ -102,23 +108,31 @@ class Hit:
 
 @dataclass
 class Shown:
-    """What the mirrors' pixels show, one lane per pixel of the frame, of no meaning at others: radiance and length of the ray;
-    whether there is an answer; and whether the ray meets nothing, although it should or a triangle is named."""
+    """What the mirrors' pixels show, one lane per pixel of the frame, of no meaning at others.
+
+    L, distance  radiance, and length of the ray
+    found        there is an answer
+    unmet        the ray meets nothing, although it should or a triangle is named
+    mirror       it meets a mirror
+    astray       it sees another piece than its pixel names
+    """
 
     L: mi.Color3f
     distance: mi.Float
     found: mi.Bool
     unmet: mi.Bool
+    mirror: mi.Bool
+    astray: mi.Bool
 
 
 def shown(asked: Asked, frame: Frame, named: mi.UInt32, walled: mi.Bool) -> Shown:
     """What the mirrors' pixels show.
 
     named   as `Pixels` has it
-    walled  where a ray always meets something. One that meets no candidate is taken to show the point nearest to it of the
-            triangle that its pixel names; elsewhere it has no answer
+    walled  where a ray always meets something. One that meets no candidate is taken to show a point of the triangle that its
+            pixel names, near where it passes; elsewhere it has no answer
 
-    Waits for the device twice, to learn how many pixels the later passes have.
+    Waits for the device three times, to learn how many pixels the later passes have.
     """
     view, lanes = frame.view, frame.pixels
     seen = _Seen(frame.p, frame.n, frame.v, frame.reflector, frame.active)
@@ -152,7 +166,7 @@ def _first(
     asked: Asked, seen: _Seen, lanes: mi.UInt32, named: mi.UInt32, size: tuple[int, int]
 ) -> tuple[Pixels, Hit, mi.UInt32, mi.Bool]:
     """The rays; what each meets from the triangle that its pixel names; the pieces that are named; and per mirror's pixel
-    whether one around it names a piece that it does not see."""
+    whether one around it names a piece that it does not see, or sees something much nearer."""
     count = size[0] * size[1]
     p, n, v = (dr.gather(type(a), a, lanes) for a in (seen.p, seen.n, seen.v))
     part = asked.objects + mi.UInt32(dr.gather(mi.Int32, seen.reflector, lanes))
@@ -169,11 +183,12 @@ def _first(
     pixels = Pixels(lanes, seen.active, named, *rays, *size)
     dr.eval(pixels, hits, pieces)
 
-    sees, differs = _piece(asked, dr.gather(mi.UInt32, hits.triangle, lanes)), mi.Bool(False)
+    sees, t = _piece(asked, dr.gather(mi.UInt32, hits.triangle, lanes)), dr.gather(mi.Float, hits.t, lanes)
+    differs = mi.Bool(False)
     for x, y in AROUND:
         lane, inside = pixels.beside(lanes, x, y)
         there = dr.gather(mi.UInt32, pieces, lane, inside)
-        differs |= inside & (there != NONE) & (there != sees)
+        differs |= inside & (there != NONE) & ((there != sees) | (dr.gather(mi.Float, hits.t, lane, inside) < JUMP * t))
     return pixels, hits, pieces, differs
 
 
@@ -191,13 +206,15 @@ def _ray(pixels: Pixels, lane: mi.UInt32, active: mi.Bool) -> Ray:
 
 @frozen
 def _asked_around(asked: Asked, pixels: Pixels, hits: Hit, lanes: mi.UInt32) -> Hit:
-    """Hits, for which the pixels `lanes` have asked what the eight around them name: of other pieces than they see."""
+    """Hits, for which the pixels `lanes` have asked what the eight around them name: other pieces than they see, or what is
+    much nearer."""
     ray = _ray(pixels, lanes, mi.Bool(True))
     best = Hit(dr.gather(mi.UInt32, hits.triangle, lanes), dr.gather(mi.Float, hits.t, lanes))
 
-    def named(k: mi.UInt32) -> mi.UInt32:
+    def named(k: mi.UInt32) -> tuple[mi.UInt32, mi.Float]:
         lane, inside = pixels.beside(lanes, *_around(k))
-        return dr.select(inside, dr.gather(mi.UInt32, pixels.named, lane, inside), NONE)
+        there = dr.select(inside, dr.gather(mi.UInt32, pixels.named, lane, inside), NONE)
+        return there, dr.select(inside, dr.gather(mi.Float, hits.t, lane, inside), dr.inf)
 
     best = _asks(asked, ray, best, named, len(AROUND))
     found = Hit(mi.UInt32(hits.triangle), mi.Float(hits.t))
@@ -235,7 +252,8 @@ def _asked_for(asked: Asked, pixels: Pixels, hits: Hit, lanes: mi.UInt32, number
     t = dr.gather(mi.Float, hits.t, lane, inside)
     best = Hit(dr.gather(mi.UInt32, hits.triangle, lane, inside), mi.Float(t))
     about = [dr.select(inside, dr.gather(mi.UInt32, names, centre, inside), NONE) for names in (pixels.named, hits.triangle)]
-    best = _asks(asked, ray, best, lambda k: dr.select(k == 0, *about), len(about))
+    near = dr.gather(mi.Float, hits.t, centre, inside)
+    best = _asks(asked, ray, best, lambda k: (dr.select(k == 0, *about), near), len(about))
     keys = dr.empty(mi.UInt64, pixels.width * pixels.height)
     here = Hit(dr.gather(mi.UInt32, hits.triangle, pixels.lanes), dr.gather(mi.Float, hits.t, pixels.lanes))
     dr.scatter(keys, _key(here), pixels.lanes)
@@ -290,14 +308,29 @@ def _shown(asked: Asked, pixels: Pixels, triangles: mi.UInt32, walled: mi.Bool, 
     triangle, named = dr.gather(mi.UInt32, triangles, lanes), dr.gather(mi.UInt32, pixels.named, lanes)
     met, within = triangle != NONE, dr.gather(mi.Bool, walled, lanes)
     found = met | (within & (named != NONE))
-    L, t = mi.Color3f(0), mi.Float(0)
+    L, t, mirror = mi.Color3f(0), mi.Float(0), mi.Bool(False)
     if found:
         ray = _ray(pixels, lanes, found)
         passed = _passed(asked.world, ray, dr.select(met, triangle, named))
         L, t = geometry.radiance(asked.world, passed.face, passed.weights, ray.p, found), dr.maximum(passed.t, 0)
+        found &= met | (passed.t > 0)
+        mirror = found & (geometry.part_of(passed.face) >= asked.objects)
     unmet = ~met & (within | (named != NONE))
-    x, y, z, distance, answered, lost = spreading.spread([L.x, L.y, L.z, t, found, unmet], lanes, view)
-    return Shown(mi.Color3f(x, y, z), distance, answered, lost)
+    astray = _piece(asked, triangle) != _piece(asked, named)
+    x, y, z, *others = spreading.spread([L.x, L.y, L.z, t, found, unmet, mirror, astray], lanes, view)
+    return Shown(mi.Color3f(x, y, z), *others)
+
+
+@frozen
+def doubted(shows: Shown, active: mi.Bool, view: View) -> mi.Bool:
+    """Where rays may have missed something: where they met nothing, or a mirror, whose light is not known, and where images are
+    off, at that pixel or at one that touches it. `active`: the mirrors' pixels."""
+    lane = dr.arange(mi.UInt32, view.width * view.height)
+    doubt = shows.unmet | shows.mirror | shows.astray
+    for x, y in AROUND:
+        there, inside = _beside(lane, x, y, view.width, view.height)
+        doubt |= dr.gather(mi.Bool, shows.astray, there, inside & dr.gather(mi.Bool, active, there, inside))
+    return active & doubt
 
 
 @dataclass
@@ -308,7 +341,7 @@ class _Passed:
     corners  from the ray's start
     sides    volumes of the ray with the edges opposite to them: positive on the inner side, whichever side the ray comes from
     volume   their sum before that, negative if the ray comes from the front
-    weights  of the corners where the ray meets it, or at the point of it that the signs of `sides` leave
+    weights  of the corners where the ray meets it; where it passes beside it, of a point on its edge
     t        how far along the ray that is
     """
 
@@ -321,25 +354,28 @@ class _Passed:
 
 
 def _passed(world: geometry.Geometry, ray: Ray, triangle: mi.UInt32) -> _Passed:
+    """How a ray passes a triangle, by the volumes that it spans with the edges. These are told from the edges themselves, which
+    two triangles see alike but for the sign: no ray slips through between them, and small triangles far away lose little."""
     face, corner = raster.corners(world.points, world.faces, triangle, mi.Bool(True))
     a, b, c = (mi.Vector3f(q.xyz) - mi.Vector3f(ray.p) for q in corner)
-    sides = mi.Vector3f(dr.dot(ray.d, dr.cross(b, c)), dr.dot(ray.d, dr.cross(c, a)), dr.dot(ray.d, dr.cross(a, b)))
+    sides = mi.Vector3f(*(dr.dot(dr.cross(p - q, p + q), ray.d) for p, q in ((b, c), (c, a), (a, b))))
     volume = sides.x + sides.y + sides.z
     sides *= dr.sign(volume)
     weights = dr.maximum(sides, 0)
-    weights *= dr.rcp(dr.maximum(weights.x + weights.y + weights.z, 1e-30))
+    total = weights.x + weights.y + weights.z
+    weights = dr.select(total > 0, weights * dr.rcp(dr.select(total > 0, total, 1)), 1 / 3)
     t = dr.dot(weights.x * a + weights.y * b + weights.z * c, ray.d)
     return _Passed(face, [a, b, c], sides, volume, weights, t)
 
 
 @dr.syntax
-def _asks(asked: Asked, ray: Ray, best: Hit, named: Callable[[mi.UInt32], mi.UInt32], count: int) -> Hit:
-    """What a ray meets from any of `count` triangles on, of pieces that it does not see yet, if that is nearer than `best`;
-    `named` gives the triangle of a number, NONE for none."""
+def _asks(asked: Asked, ray: Ray, best: Hit, named: Callable[[mi.UInt32], tuple[mi.UInt32, mi.Float]], count: int) -> Hit:
+    """What a ray meets from any of `count` triangles on, if that is nearer than `best`: of pieces that it does not see yet, or
+    where these are seen much nearer. `named` gives the triangle of a number, NONE for none, and how near that is seen."""
     sees, last, k = _piece(asked, best.triangle), mi.UInt32(NONE), mi.UInt32(0)
     while dr.hint(k < count, label="ask one triangle after another"):
-        candidate = named(k)
-        if (candidate != NONE) & (candidate != last) & (_piece(asked, candidate) != sees):
+        candidate, t = named(k)
+        if (candidate != NONE) & (candidate != last) & ((_piece(asked, candidate) != sees) | (t < JUMP * best.t)):
             best = _walked(asked, ray, candidate, best, mi.Bool(True))
             sees = _piece(asked, best.triangle)
             last = mi.UInt32(candidate)
@@ -356,14 +392,14 @@ def _walked(asked: Asked, ray: Ray, start: mi.UInt32, best: Hit, active: mi.Bool
         least = dr.min(passed.sides)
         inside = (least >= -TOUCH * dr.abs(passed.volume)) & (passed.volume != 0)
         # The back of a closed thing is never seen, and a mirror not in itself.
-        shown = ((passed.face.w & raster.CLOSED) == 0) | (passed.volume < 0)
-        shown &= geometry.part_of(passed.face) != ray.part
-        nearer = inside & shown & (passed.t > -BEFORE * (1 + dr.max(dr.abs(ray.p)))) & (passed.t < best.t)
-        best = dr.select(nearer, Hit(here, dr.maximum(passed.t, 0)), best)
+        counts = ((passed.face.w & raster.CLOSED) == 0) | (passed.volume < 0)
+        counts &= geometry.part_of(passed.face) != ray.part
+        nearer = inside & counts & (passed.t > -BEFORE * (1 + dr.max(dr.abs(ray.p)))) & (passed.t < best.t)
+        best = dr.select(nearer, Hit(here, dr.abs(dr.maximum(passed.t, 0))), best)  # no -0, which `_key` takes for much
 
-        # Beyond an outline there is nothing more to see of a closed thing, and behind what was met nothing of any.
+        # Over the outline of a closed thing, and behind what was met already, it is not worth going on.
         a, b, c = (dr.dot(q, ray.d) for q in passed.corners)
-        going = ~inside & shown & (dr.minimum(dr.minimum(a, b), c) < best.t)
+        going = ~inside & counts & (dr.minimum(dr.minimum(a, b), c) < best.t)
         beside = dr.gather(mi.Vector4u, asked.beside, here, going)
         there = dr.select(passed.sides.x == least, beside.x, dr.select(passed.sides.y == least, beside.y, beside.z))
         going &= (there != NONE) & (there != before)

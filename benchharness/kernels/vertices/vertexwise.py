@@ -186,15 +186,13 @@ def _by_rays(seen: Scenery, beside: mi.UInt32, frame: Frame, drawn: list[_Drawn]
         nothing = dr.zeros(mi.Float, count)
         doubt = dr.zeros(mi.Bool, count) if frame.doubts else None
         return Reflection(mi.Color3f(nothing), nothing, dr.zeros(mi.Bool, count), None, {"unmet": mi.UInt32(0)}, doubt)
-    names, banded = dr.full(mi.UInt32, exact.NONE, count), dr.zeros(mi.Bool, count)
+    names = dr.full(mi.UInt32, exact.NONE, count)
     for one in drawn:
-        name, in_band = virtual.named(one.nearest, one.target, seen.world.face_count)
-        dr.scatter(names, name, one.pixel, one.target.own)
-        dr.scatter(banded, in_band, one.pixel, in_band)
+        dr.scatter(names, virtual.named(one.nearest, one.target, seen.world.face_count), one.pixel, one.target.own)
     asked = exact.Asked(seen.world, beside, dr.opaque(mi.UInt32, seen.objects))
     shows = exact.shown(asked, frame, names, frame.active & passage.walled(seen.enclosed, frame.reflector))
     unmet = frame.active & shows.unmet
-    doubt = unmet | banded if frame.doubts else None
+    doubt = exact.doubted(shows, frame.active, frame.view) if frame.doubts else None
     return Reflection(shows.L, shows.distance, frame.active & shows.found, None, {"unmet": mi.UInt32(unmet)}, doubt)
 
 

@@ -132,13 +132,8 @@ def interpolated(shown: Nearest, target: Target, depth: str) -> Drawn:
 
 
 @frozen
-def named(shown: Nearest, target: Target, face_count: int) -> tuple[mi.UInt32, mi.Bool]:
-    """Of which of the scene's triangles the nearest are images, `raster.NONE` where there is none; and whether the pixel is in
-    a band."""
-    view, own = target.view, target.own
-    pixel = dr.arange(mi.UInt32, view.width * view.height)
-    triangle = raster.winner_at(shown.visibility, view, pixel, own)
-    doubt = mi.Bool(False)
-    if shown.banded is not None:
-        doubt = own & (raster.winner_at(shown.banded, view, pixel, own) != raster.NONE)
-    return dr.select(own & (triangle != raster.NONE), triangle % face_count, raster.NONE), doubt
+def named(shown: Nearest, target: Target, face_count: int) -> mi.UInt32:
+    """Of which of the scene's triangles the nearest are images, `raster.NONE` where there is none."""
+    pixel = dr.arange(mi.UInt32, target.view.width * target.view.height)
+    triangle = raster.winner_at(shown.visibility, target.view, pixel, target.own)
+    return dr.select(target.own & (triangle != raster.NONE), triangle % face_count, raster.NONE)

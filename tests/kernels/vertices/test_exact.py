@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from oracles import ray_oracle
 from support.answers import hollow
-from support.mirror_room import ball, balls, mirror_ball, scene, shaded, smooth, still
+from support.mirror_room import ball, balls, lit, mirror_ball, scene, shaded, smooth, still
 from support.small_room import box, quad
 
 from benchharness.kernels import raster
 from benchharness.kernels.vertices import adjacency
-from benchharness.scene import Mesh, Object, Reflector
+from benchharness.scene import Gloss, Mesh, Object, PointLight, Reflector
 from methods.image_space_search import ImageSpaceSearch
 from methods.newton import Newton
+from methods.ray_traced import RayTraced
 from methods.secant_triangle import SecantTriangle
 
 METHODS = {"newton": Newton, "secant_triangle": SecantTriangle, "image_space_search": ImageSpaceSearch}
 every_method = pytest.mark.parametrize("name", METHODS)
+most_exhaustively = pytest.mark.parametrize(
+    "name", [name if name == "newton" else pytest.param(name, marks=pytest.mark.exhaustive) for name in METHODS]
+)
 
 
 def coarse_room(**more):
@@ -29,12 +34,16 @@ def coarse_room(**more):
     return scene((room, *balls()), (mirror_ball(),), **more)
 
 
-def truth(made, answer):
-    """What each mirror pixel's ray meets: [N] arrays in the order of `answer.L[answer.active]`."""
-    frame, active = answer.frame, answer.active.ravel()
+def truth(made, answer, mirror: int = 0):
+    """What the ray of each pixel of a mirror meets: [N] arrays in the order of `answer.L[seen(answer, mirror)]`."""
+    frame, active = answer.frame, seen(answer, mirror).ravel()
     p, n, v = (np.array(a, np.float64).T[active] for a in (frame.p, frame.n, frame.v))
     d = 2 * (v * n).sum(1, keepdims=True) * n - v
-    return ray_oracle.reflected_hits(made, 0.0, p, d, 0)
+    return ray_oracle.reflected_hits(made, frame.time, p, d, mirror)
+
+
+def seen(answer, mirror: int = 0) -> np.ndarray:
+    return np.array(answer.frame.reflector).reshape(answer.active.shape) == mirror
 
 
 def unmet(answer) -> int:
@@ -113,7 +122,7 @@ def in_the_open(objects, **more):
     return scene(objects, (mirror_ball(),), background=(0.2, 0.4, 0.9), **more)
 
 
-@every_method
+@most_exhaustively
 def test_what_stands_in_the_open_ends_where_its_rays_say(name):
     """A card of two triangles before the sky: its straight image reaches where the sky is seen, and not where the card is."""
     card = Object("card", card_mesh((0.9, 0.1, 0.1)), "a silhouette")
@@ -145,7 +154,7 @@ def test_a_pixel_whose_ray_meets_nothing_that_is_named_is_counted_and_doubted():
     assert np.array(answer.reflection.doubt).reshape(lost.shape)[lost].all()
 
 
-@every_method
+@most_exhaustively
 @pytest.mark.parametrize("bowl", ["concave", "torus"])
 def test_several_reflections_are_exact_too(name, bowl):
     made = scene((coarse_room().objects[0],), (hollow(bowl),), still((0.2, -1.0, 0.5)))
@@ -156,3 +165,126 @@ def test_several_reflections_are_exact_too(name, bowl):
     off, before = (np.abs(a.L[a.active] - L).max(axis=1) > 1e-3 for a in (answer, straight))
     assert seen.sum() > 500
     assert off[seen].mean() < 0.2 * before[seen].mean()
+
+
+def test_a_part_of_a_piece_that_hides_another_part_of_it_is_seen():
+    """A strip that is bent to a U: one piece, of which the near wing hides half of the far one."""
+    x = np.array([0.9, 0.9, 1.7, 1.7])
+    y = np.array([-1.2, 0.0, 0.0, -1.2])
+    corners = np.concatenate([np.stack([x, y, np.full(4, z)], 1) for z in (-0.2, 0.3)])
+    corners[[2, 3, 6, 7], 2] *= 5
+    faces = np.concatenate([[[i, i + 4, i + 5], [i, i + 5, i + 1]] for i in range(3)])
+    colours = np.repeat([[0.9, 0.1, 0.1], [0.1, 0.1, 0.9]], 2, axis=0)
+    strip = Object("strip", Mesh(corners, faces, radiance=np.concatenate([colours, colours])), "hides itself")
+    made = in_the_open((strip,))
+    straight, answer = (shaded(Newton(resolve=way), made, 0)[0] for way in ("interpolate", "ray"))
+    which, _, L, clear = truth(made, answer)
+    assert (which >= 4).sum() > 60 and np.isin(which, (0, 1)).sum() > 100
+    wrong, before = ((np.abs(a.L[a.active] - L).max(axis=1) > 1e-2) & clear for a in (answer, straight))
+    assert before.sum() > 100
+    assert wrong.sum() <= 0.03 * before.sum()
+
+
+def test_small_triangles_far_away_leave_no_cracks():
+    """Walls of triangles a two-hundredth as wide as they are far away: volumes of rays and edges cancel to the last digits."""
+    far = Object("walls", lit(box((-30, -30, -30), (30, 30, 30), inside=True), 0.5, 15.0), "small triangles far away")
+    near = still((0.2, -1.7, 0.25), (0, -0.49, 0.05), 3.0)
+    made = scene((far,), (mirror_ball(fine=256),), near)
+    answer = shaded(Newton(resolve="ray"), made, 0, size=(64, 48))[0]
+    assert answer.found[answer.active].all() and unmet(answer) == 0
+    p = np.array(answer.frame.p, np.float64).T[answer.active.ravel()]
+    n, v = (np.array(a, np.float64).T[answer.active.ravel()] for a in (answer.frame.n, answer.frame.v))
+    d = 2 * (v * n).sum(1, keepdims=True) * n - v
+    with np.errstate(divide="ignore"):
+        distance = np.maximum((30 - p) / d, (-30 - p) / d).min(axis=1)
+    np.testing.assert_allclose(answer.distance[answer.active], distance, rtol=1e-5)
+
+
+@most_exhaustively
+def test_in_two_mirrors_each_is_black_in_the_other_and_doubted(name):
+    mirrors = (mirror_ball("left", (-0.3, -0.3, 0), 0.4, 32), mirror_ball("right", (0.3, 0.3, 0), 0.4, 32))
+    made = replace(coarse_room(), reflectors=mirrors)
+    answer = shaded(METHODS[name](resolve="ray"), made, 0)[0]
+    first = sum(len(o.mesh.faces) for o in made.objects)
+    doubt = np.array(answer.reflection.doubt).reshape(answer.active.shape)
+    for mirror in range(2):
+        which, distance, L, clear = truth(made, answer, mirror)
+        other = which >= first
+        assert other.sum() > 50
+        here = seen(answer, mirror)
+        off = (np.abs(answer.L[here] - L).max(axis=1) > 1e-3) & clear
+        assert off.mean() < 0.005
+        right = clear & ~off
+        np.testing.assert_allclose(answer.distance[here][right], distance[right], rtol=1e-3, atol=1e-5)
+        assert doubt[here][other & right].all() and doubt[here].mean() < 0.6
+        assert answer.L[here][other & right].max() == 0
+
+
+def test_other_mirrors_that_are_left_out_hide_nothing():
+    mirrors = (mirror_ball("left", (-0.3, -0.3, 0), 0.4, 32), mirror_ball("right", (0.3, 0.3, 0), 0.4, 32))
+    made = replace(coarse_room(), reflectors=mirrors)
+    answer = shaded(Newton(resolve="ray", other_mirrors="omitted"), made, 0)[0]
+    for mirror in range(2):
+        here = seen(answer, mirror)
+        _, _, L, clear = truth(replace(made, reflectors=(mirrors[mirror],)), _only(answer, mirror))
+        assert (np.abs(answer.L[here] - L).max(axis=1) > 1e-3)[clear].mean() < 0.005
+
+
+def _only(answer, mirror: int):
+    """An answer in which a mirror is the only one."""
+    only = np.where(np.array(answer.frame.reflector) == mirror, 0, -1)
+    return SimpleNamespace(frame=SimpleNamespace(**vars(answer.frame) | {"reflector": only}), active=answer.active)
+
+
+def test_what_moves_is_asked_where_it_is():
+    def motion(time: float) -> np.ndarray:
+        pose = np.eye(4)
+        pose[:3, 3] = (0.0, 6.0 * time, 0.0)
+        return pose
+
+    red, *others = balls()
+    made = replace(coarse_room(), objects=(coarse_room().objects[0], replace(red, motion=motion), *others))
+    first, second = shaded(Newton(resolve="ray"), made, 0, 2)
+    for answer in (first, second):
+        _, _, L, clear = truth(made, answer)
+        assert (np.abs(answer.L[answer.active] - L).max(axis=1) > 1e-3)[clear].mean() < 0.002
+    assert np.abs(first.L - second.L).max() > 0.3
+
+
+def test_whoever_asks_for_no_doubt_sees_the_same_picture():
+    asked, not_asked = (shaded(Newton(resolve="ray"), coarse_room(), 0, doubts=doubts)[0] for doubts in (True, False))
+    assert not_asked.reflection.doubt is None
+    assert asked.L.tobytes() == not_asked.L.tobytes() and asked.distance.tobytes() == not_asked.distance.tobytes()
+
+
+@every_method
+def test_a_frame_without_a_mirror_has_no_pixels_to_ask(name):
+    answer = shaded(METHODS[name](resolve="ray"), coarse_room(camera=still((0.2, -1.7, 0.25), (0.2, -1.9, 0.25))), 0)[0]
+    assert not answer.active.any() and unmet(answer) == 0
+
+
+def glossy_room():
+    room, *things = coarse_room().objects
+    look = Gloss((0.4, 0.4, 0.4), 20.0)
+    lit_by = [replace(o, mesh=replace(o.mesh, visibility=np.ones((len(o.mesh.vertices), 1))), gloss=look) for o in things]
+    return replace(coarse_room(), objects=(room, *lit_by), lights=(PointLight((0.3, -1.0, 1.2), (6.0, 6.0, 6.0)),))
+
+
+def test_highlights_are_those_that_the_reflection_point_sees():
+    made, seen_by = glossy_room(), []
+    for method in (Newton(resolve="ray"), RayTraced()):
+        seen_by.append(shaded(method, made, 0)[0])
+    ours, traced = seen_by
+    here = ours.active
+    assert traced.L[here].max() > 1.2 * 0.75  # more than the room's own light
+    assert (np.abs(ours.L - traced.L)[here].max(axis=1) > 0.01).mean() < 0.01
+
+
+def test_by_hand_what_a_ray_meets():
+    """A card at x = 1.1 to 1.9 in steps: rays along x from the origin's height, and one that misses."""
+    made = in_the_open((Object("card", card_mesh((0.5, 0.25, 0.125)), "a card"),))
+    o, d = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 2.0]]), np.array([[1.0, 0, 0], [1.0, 0, 0]])
+    which, distance, L, clear = ray_oracle.reflected_hits(made, 0.0, o, d, 0)
+    assert which.tolist() in ([0, -1], [1, -1]) and clear.all()
+    np.testing.assert_allclose(distance, [1.1, np.inf])
+    np.testing.assert_allclose(L, [[0.5, 0.25, 0.125], [0.2, 0.4, 0.9]])
