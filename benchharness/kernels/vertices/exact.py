@@ -35,9 +35,10 @@ from benchharness.kernels.vertices.adjacency import NONE
 
 STEPS = 16  # triangles that a ray asks from one candidate on, itself included
 REACH = (1, 2, 4, 8)  # pixels: how far around those that are wrong others are asked for, in eight directions
+FAR_STEPS = 128  # the same in the fourth pass
 FARTHEST = 128  # pixels, in which the fourth pass looks for one that sees anything
 TOUCH = 1e-6  # of a triangle's size as the ray sees it: a ray this much beside an edge meets both its triangles
-JUMP = 0.9  # of the distance: what the pixel beside sees nearer than this share of it may hide what is seen here
+JUMP = 0.75  # of the distance: what the pixel beside sees nearer than this share of it may hide what is seen here
 BEFORE = 1e-6  # of the coordinates: how much before its start a ray meets what touches the mirror
 AROUND = tuple((x, y) for y in (-1, 0, 1) for x in (-1, 0, 1) if (x, y) != (0, 0))  # columns and rows to what touches a pixel
 PLACES = len(REACH) * len(AROUND)
@@ -287,7 +288,7 @@ def _asked_afar(asked: Asked, pixels: Pixels, triangles: mi.UInt32, lanes: mi.UI
             candidate = dr.select(inside, dr.gather(mi.UInt32, triangles, lane, inside), NONE)
             far += 1 + far // 4
         if (candidate != NONE) & (candidate != last):
-            best = _walked(asked, ray, candidate, best, mi.Bool(True))
+            best = _walked(asked, ray, candidate, best, mi.Bool(True), FAR_STEPS)
             last = mi.UInt32(candidate)
         k += 1
     found = mi.UInt32(triangles)
@@ -384,10 +385,10 @@ def _asks(asked: Asked, ray: Ray, best: Hit, named: Callable[[mi.UInt32], tuple[
 
 
 @dr.syntax
-def _walked(asked: Asked, ray: Ray, start: mi.UInt32, best: Hit, active: mi.Bool) -> Hit:
+def _walked(asked: Asked, ray: Ray, start: mi.UInt32, best: Hit, active: mi.Bool, steps: int = STEPS) -> Hit:
     """What a ray meets from a triangle on, walking over the edges that it passes, if that is nearer than `best`."""
     here, before, k, going = mi.UInt32(start), mi.UInt32(NONE), mi.UInt32(0), mi.Bool(active)
-    while dr.hint(going & (k < STEPS), label="walk over the edges that a ray passes"):
+    while dr.hint(going & (k < steps), label="walk over the edges that a ray passes"):
         passed = _passed(asked.world, ray, here)
         least = dr.min(passed.sides)
         inside = (least >= -TOUCH * dr.abs(passed.volume)) & (passed.volume != 0)
