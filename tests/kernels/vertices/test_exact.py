@@ -200,10 +200,12 @@ def test_small_triangles_far_away_leave_no_cracks():
     np.testing.assert_allclose(answer.distance[answer.active], distance, rtol=1e-5)
 
 
+BALLS = (mirror_ball("left", (-0.3, -0.3, 0), 0.4, 32), mirror_ball("right", (0.3, 0.3, 0), 0.4, 32))
+
+
 @most_exhaustively
 def test_in_two_mirrors_each_is_black_in_the_other_and_doubted(name):
-    mirrors = (mirror_ball("left", (-0.3, -0.3, 0), 0.4, 32), mirror_ball("right", (0.3, 0.3, 0), 0.4, 32))
-    made = replace(coarse_room(), reflectors=mirrors)
+    made = replace(coarse_room(), reflectors=BALLS)
     answer = shaded(METHODS[name](resolve="ray"), made, 0)[0]
     first = sum(len(o.mesh.faces) for o in made.objects)
     doubt = np.array(answer.reflection.doubt).reshape(answer.active.shape)
@@ -221,12 +223,11 @@ def test_in_two_mirrors_each_is_black_in_the_other_and_doubted(name):
 
 
 def test_other_mirrors_that_are_left_out_hide_nothing():
-    mirrors = (mirror_ball("left", (-0.3, -0.3, 0), 0.4, 32), mirror_ball("right", (0.3, 0.3, 0), 0.4, 32))
-    made = replace(coarse_room(), reflectors=mirrors)
+    made = replace(coarse_room(), reflectors=BALLS)
     answer = shaded(Newton(resolve="ray", other_mirrors="omitted"), made, 0)[0]
     for mirror in range(2):
         here = seen(answer, mirror)
-        _, _, L, clear = truth(replace(made, reflectors=(mirrors[mirror],)), _only(answer, mirror))
+        _, _, L, clear = truth(replace(made, reflectors=(BALLS[mirror],)), _only(answer, mirror))
         assert (np.abs(answer.L[here] - L).max(axis=1) > 1e-3)[clear].mean() < 0.005
 
 
