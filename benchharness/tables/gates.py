@@ -71,7 +71,10 @@ def _gated(column: Column, old_row: Mapping, new_row: Mapping, old, new) -> Iter
         worse = column.sign * (new - old)
         if abs(worse) > same:
             text = f"{_number(old)} -> {_number(new)}{_share(old, new)}, within {_number(same)} is the same"
-            yield Finding.about(new_row, "regression" if worse > 0 else "improvement", column.name, text, size=abs(worse))
+            kind = "regression" if worse > 0 else "improvement"
+            if column.gate.local and not here:
+                kind, text = "note", f"{text}; in another environment rounding does that too"
+            yield Finding.about(new_row, kind, column.name, text, size=abs(worse))
 
 
 def _number(value: float) -> str:
