@@ -238,7 +238,7 @@ RESULTS = (
     ),
     _text("config_hash", "Of the study's settings."),
     _text("method_hash", "Of the method's code."),
-    _text("scene_hash", "Of the scene's code and keywords."),
+    _text("scene_hash", "Of what its pictures are made from: meshes, light, motion, cameras. The same on all processors."),
     _text("environment", "Hash of the machine and its software, see `environment.json`."),
     Column(
         "calibration_ms", "number", "Time of a fixed kernel, which relates times of two machines.", unit="ms", over="median"

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import mitsuba as mi  # noqa: F401  (so that the variant is set)
+import numpy as np
 import pytest
 from support import study
 from support.tiers import first
@@ -304,6 +305,23 @@ def test_the_scene_hash_follows_content_over_the_whole_animation(write, tmp_path
     hashes = [scene_hash(size=1.0), scene_hash(size=1.5), scene_hash(frames=6), scene_hash(height=0.1)]
     assert len(set(hashes)) == 4
     assert scene_hash(detail="paper") == hashes[0]  # the builder makes the same of it
+
+
+def test_the_scene_hash_is_the_same_on_processors_that_differ_in_the_last_digit(write, tmp_path):
+    write()
+    scene = scenes.SceneSpec("s", "place", str(tmp_path / "place.py"), False, {}, str(tmp_path), "w").build()
+
+    def moved(shift) -> str:
+        objects = [replace(o, mesh=replace(o.mesh, vertices=shift(o.mesh.vertices))) for o in scene.objects]
+        camera = scene.camera(0.0)
+        eye = tuple(shift(np.array(camera.eye)).tolist())
+        return identity.of_scene(replace(scene, objects=tuple(objects), camera=lambda time: replace(camera, eye=eye)))
+
+    same = moved(lambda values: values)
+    rng = np.random.default_rng(0)
+    assert moved(lambda values: np.nextafter(values, rng.choice([-np.inf, np.inf], values.shape))) == same
+    assert moved(lambda values: values + 1e-17) == same
+    assert moved(lambda values: values + 1e-5 * np.abs(values).max()) != same
 
 
 def test_the_method_hash_follows_the_source_file(write, tmp_path):
