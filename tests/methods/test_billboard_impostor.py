@@ -80,13 +80,13 @@ def test_a_flat_card_has_one_picture_and_no_other_resolution_changes_it():
 
 
 def test_i01_how_much_of_the_image_of_a_touching_ball_is_where_it_should_be():
-    """I-01: on the arc between its ends 0.012 for an environment map and 0.683 for a billboard (F-29)."""
+    """I-01: on the arc between its ends about 0.01 for an environment map and 0.683 for a billboard (F-29)."""
     exact, mapped, board = image(RayTraced()), image(EnvironmentMap()), image(BillboardImpostor())
     assert overlap(exact, exact) == 1
-    assert overlap_of_ends(mapped, exact) == pytest.approx(0.012, abs=0.03)
-    assert overlap_of_ends(board, exact) == pytest.approx(0.683, abs=0.03)
-    assert overlap(mapped, exact) < 0.03
-    assert overlap(board, exact) == pytest.approx(0.722, abs=0.03)
+    assert 0 < overlap_of_ends(mapped, exact) < 0.016
+    assert overlap_of_ends(board, exact) == pytest.approx(0.683, abs=0.015)
+    assert 0 < overlap(mapped, exact) < 0.01
+    assert overlap(board, exact) == pytest.approx(0.722, abs=0.015)
 
 
 def test_i02_a_billboard_loses_the_end_at_which_a_ball_touches():
@@ -121,7 +121,7 @@ def test_i04_what_holds_the_mirror_goes_to_its_environment_map():
     answer, mapped = one(BillboardImpostor(), made), one(EnvironmentMap(mip=False), made)
     assert (answer.counted("quad_tests") == 0).all() and answer.counted("pictures_taken") == 0
     np.testing.assert_allclose(answer.L[answer.active], mapped.L[answer.active], atol=1e-5)
-    assert np.isfinite(answer.distance[answer.active]).mean() > 0.2
+    assert np.isfinite(answer.distance[answer.active]).mean() == pytest.approx(0.35, abs=0.03)
 
 
 def test_i04_a_ring_around_a_mirror_that_its_box_does_not_hold_is_a_billboard_that_cuts_it():
@@ -136,7 +136,9 @@ def test_i04_a_ring_around_a_mirror_that_its_box_does_not_hold_is_a_billboard_th
     r = np.hypot(at[:, 0], at[:, 1])
     assert r.min() > 0.78 and r.max() < 1.02  # of the quad only the ring is opaque
     assert np.abs(at[:, 2]).max() < 0.01  # and it stands where the ring's middle is
-    assert (seen & there).sum() > 0.2 * (seen | there).sum()  # rays that run along the plane pass above what is thick
+    assert (seen & there).sum() / (seen | there).sum() == pytest.approx(
+        0.29, abs=0.06
+    )  # rays that run along the plane pass above what is thick
 
 
 def two_coloured(front, back, middle=(0.0, 0.3, 0.0), radius=0.2) -> Object:
