@@ -11,8 +11,8 @@ weights, distance and highlight. There are four passes, the later ones for few p
    hang together), or sees the same one much nearer, and where nothing was met, what those eight name is asked.
 3. Where a pixel now sees another piece than it names, its image is off by some pixels. The rays of 32 pixels around it, up to
    eight pixels away, ask what it names and what it sees.
-4. A ray that still meets nothing, although it should, asks in eight directions what some pixel there sees. So far from any
-   image is the rim of a convex mirror in a room of few triangles.
+4. A ray that still meets nothing, although it should or its pixel names something, asks in eight directions what some pixel
+   there sees. So far from any image is the rim of a convex mirror in a room of few triangles.
 
 What shares an edge is worked out once; nothing has to be built again when things move. What no pixel near by names is not
 asked: something thin, whose image is farther off than it is wide, may be missing. The ray then meets something farther away,
@@ -34,8 +34,8 @@ from benchharness.kernels.types import Frame, View
 from benchharness.kernels.vertices.adjacency import NONE
 
 STEPS = 16  # triangles that a ray asks from one candidate on, itself included
-REACH = (1, 2, 4, 8)  # pixels: how far around those that are wrong others are asked for, in eight directions
 FAR_STEPS = 128  # the same in the fourth pass
+REACH = (1, 2, 4, 8)  # pixels: how far around those that are wrong others are asked for, in eight directions
 FARTHEST = 128  # pixels, in which the fourth pass looks for one that sees anything
 TOUCH = 1e-6  # of a triangle's size as the ray sees it: a ray this much beside an edge meets both its triangles
 JUMP = 0.75  # of the distance: what the pixel beside sees nearer than this share of it may hide what is seen here
