@@ -3,7 +3,7 @@
 Images of edges are bent and virtual triangles are straight, so what the raster pass finds at a pixel is near what the pixel
 shows and not quite it. Here it only names whom to ask: the triangle whose image covers the pixel. The ray that the pixel
 reflects is intersected with that triangle where it lies in the scene. If it passes beside it, it goes over that edge to the
-next triangle of the mesh, and so on for at most STEPS of them. Of all that a ray meets, the nearest is shown, with exact
+next triangle of the mesh, and so on (`meshwalk`). Of all that a ray meets, the nearest is shown, with exact
 weights, distance and highlight. There are four passes, the later ones for few pixels:
 
 1. Every pixel asks the triangle that it names.
@@ -21,41 +21,24 @@ or nothing. So may a part of a piece that hides another part of it, unless a pix
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import geometry, optics, raster
+from benchharness.kernels import geometry, optics
 from benchharness.kernels import pixels as spreading
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.types import Frame, View
+from benchharness.kernels.vertices import meshwalk
 from benchharness.kernels.vertices.adjacency import NONE
+from benchharness.kernels.vertices.meshwalk import JUMP, Asked, Hit, Ray
 
-STEPS = 16  # triangles that a ray asks from one candidate on, itself included
-FAR_STEPS = 128  # the same in the fourth pass
+FAR_STEPS = 128  # triangles that a ray asks from one candidate on in the fourth pass
 REACH = (1, 2, 4, 8)  # pixels: how far around those that are wrong others are asked for, in eight directions
 FARTHEST = 128  # pixels, in which the fourth pass looks for one that sees anything
-TOUCH = 1e-6  # of a triangle's size as the ray sees it: a ray this much beside an edge meets both its triangles
-JUMP = 0.75  # of the distance: what the pixel beside sees nearer than this share of it may hide what is seen here
-BEFORE = 1e-6  # of the coordinates: how much before its start a ray meets what touches the mirror
 AROUND = tuple((x, y) for y in (-1, 0, 1) for x in (-1, 0, 1) if (x, y) != (0, 0))  # columns and rows to what touches a pixel
 PLACES = len(REACH) * len(AROUND)
-
-
-@dataclass
-class Asked:
-    """What rays ask.
-
-    world    the scene in world space
-    beside   its `adjacency.neighbours`
-    objects  number of the first part that is a mirror; no mirror is asked of itself
-    """
-
-    world: geometry.Geometry
-    beside: mi.UInt32
-    objects: mi.UInt32
 
 
 @dataclass
@@ -88,23 +71,6 @@ def _beside(lane: mi.UInt32, x: mi.Int32 | int, y: mi.Int32 | int, width: int, h
     column = mi.Int32(lane) - row * width + x
     row += y
     return mi.UInt32(row * width + column), (column >= 0) & (row >= 0) & (column < width) & (row < height)
-
-
-@dataclass
-class Ray:
-    """Start, unit direction, and the part of the mirror that it comes from."""
-
-    p: mi.Point3f
-    d: mi.Vector3f
-    part: mi.UInt32
-
-
-@dataclass
-class Hit:
-    """What a ray meets: number of the triangle, NONE for nothing, and how far away."""
-
-    triangle: mi.UInt32
-    t: mi.Float
 
 
 @dataclass
@@ -176,27 +142,21 @@ def _first(
     for buffer, value in zip(rays, (mi.Vector4f(p.x, p.y, p.z, mi.Float(part)), mi.Vector4f(d.x, d.y, d.z, 0)), strict=True):
         dr.scatter(buffer, value, lanes)
     start = dr.gather(mi.UInt32, named, lanes)
-    hit = _walked(asked, Ray(p, d, part), start, Hit(mi.UInt32(NONE), mi.Float(dr.inf)), start != NONE)
+    hit = meshwalk.walked(asked, Ray(p, d, part), start, Hit(mi.UInt32(NONE), mi.Float(dr.inf)), start != NONE)
     hits = Hit(dr.full(mi.UInt32, NONE, count), dr.full(mi.Float, dr.inf, count))
     pieces = dr.full(mi.UInt32, NONE, count)
-    for buffer, value in ((hits.triangle, hit.triangle), (hits.t, hit.t), (pieces, _piece(asked, start))):
+    for buffer, value in ((hits.triangle, hit.triangle), (hits.t, hit.t), (pieces, meshwalk.piece(asked, start))):
         dr.scatter(buffer, value, lanes)
     pixels = Pixels(lanes, seen.active, named, *rays, *size)
     dr.eval(pixels, hits, pieces)
 
-    sees, t = _piece(asked, dr.gather(mi.UInt32, hits.triangle, lanes)), dr.gather(mi.Float, hits.t, lanes)
+    sees, t = meshwalk.piece(asked, dr.gather(mi.UInt32, hits.triangle, lanes)), dr.gather(mi.Float, hits.t, lanes)
     differs = mi.Bool(False)
     for x, y in AROUND:
         lane, inside = pixels.beside(lanes, x, y)
         there = dr.gather(mi.UInt32, pieces, lane, inside)
         differs |= inside & (there != NONE) & ((there != sees) | (dr.gather(mi.Float, hits.t, lane, inside) < JUMP * t))
     return pixels, hits, pieces, differs
-
-
-def _piece(asked: Asked, triangle: mi.UInt32) -> mi.UInt32:
-    """The piece that a triangle is of, NONE for none."""
-    there = triangle != NONE
-    return dr.select(there, dr.gather(mi.UInt32, asked.beside, 4 * triangle + 3, there), NONE)
 
 
 def _ray(pixels: Pixels, lane: mi.UInt32, active: mi.Bool) -> Ray:
@@ -217,7 +177,7 @@ def _asked_around(asked: Asked, pixels: Pixels, hits: Hit, lanes: mi.UInt32) -> 
         there = dr.select(inside, dr.gather(mi.UInt32, pixels.named, lane, inside), NONE)
         return there, dr.select(inside, dr.gather(mi.Float, hits.t, lane, inside), dr.inf)
 
-    best = _asks(asked, ray, best, named, len(AROUND))
+    best = meshwalk.asks(asked, ray, best, named, len(AROUND))
     found = Hit(mi.UInt32(hits.triangle), mi.Float(hits.t))
     dr.scatter(found.triangle, best.triangle, lanes)
     dr.scatter(found.t, best.t, lanes)
@@ -233,7 +193,7 @@ def _around(k: mi.UInt32) -> tuple[mi.Int32, mi.Int32]:
 @frozen
 def _is_wrong(asked: Asked, pixels: Pixels, hits: Hit, pieces: mi.UInt32) -> mi.Bool:
     """Per mirror's pixel, whether it sees another piece than it names."""
-    sees = _piece(asked, dr.gather(mi.UInt32, hits.triangle, pixels.lanes))
+    sees = meshwalk.piece(asked, dr.gather(mi.UInt32, hits.triangle, pixels.lanes))
     return sees != dr.gather(mi.UInt32, pieces, pixels.lanes)
 
 
@@ -254,7 +214,7 @@ def _asked_for(asked: Asked, pixels: Pixels, hits: Hit, lanes: mi.UInt32, number
     best = Hit(dr.gather(mi.UInt32, hits.triangle, lane, inside), mi.Float(t))
     about = [dr.select(inside, dr.gather(mi.UInt32, names, centre, inside), NONE) for names in (pixels.named, hits.triangle)]
     near = dr.gather(mi.Float, hits.t, centre, inside)
-    best = _asks(asked, ray, best, lambda k: (dr.select(k == 0, *about), near), len(about))
+    best = meshwalk.asks(asked, ray, best, lambda k: (dr.select(k == 0, *about), near), len(about))
     keys = dr.empty(mi.UInt64, pixels.width * pixels.height)
     here = Hit(dr.gather(mi.UInt32, hits.triangle, pixels.lanes), dr.gather(mi.Float, hits.t, pixels.lanes))
     dr.scatter(keys, _key(here), pixels.lanes)
@@ -288,7 +248,7 @@ def _asked_afar(asked: Asked, pixels: Pixels, triangles: mi.UInt32, lanes: mi.UI
             candidate = dr.select(inside, dr.gather(mi.UInt32, triangles, lane, inside), NONE)
             far += 1 + far // 4
         if (candidate != NONE) & (candidate != last):
-            best = _walked(asked, ray, candidate, best, mi.Bool(True), FAR_STEPS)
+            best = meshwalk.walked(asked, ray, candidate, best, mi.Bool(True), FAR_STEPS)
             last = mi.UInt32(candidate)
         k += 1
     found = mi.UInt32(triangles)
@@ -312,12 +272,12 @@ def _shown(asked: Asked, pixels: Pixels, triangles: mi.UInt32, walled: mi.Bool, 
     L, t, mirror = mi.Color3f(0), mi.Float(0), mi.Bool(False)
     if found:
         ray = _ray(pixels, lanes, found)
-        passed = _passed(asked.world, ray, dr.select(met, triangle, named))
+        passed = meshwalk.passed_by(asked.world, ray, dr.select(met, triangle, named))
         L, t = geometry.radiance(asked.world, passed.face, passed.weights, ray.p, found), dr.maximum(passed.t, 0)
         found &= met | (passed.t > 0)
         mirror = found & (geometry.part_of(passed.face) >= asked.objects)
     unmet = ~met & (within | (named != NONE))
-    astray = _piece(asked, triangle) != _piece(asked, named)
+    astray = meshwalk.piece(asked, triangle) != meshwalk.piece(asked, named)
     x, y, z, *others = spreading.spread([L.x, L.y, L.z, t, found, unmet, mirror, astray], lanes, view)
     return Shown(mi.Color3f(x, y, z), *others)
 
@@ -332,79 +292,3 @@ def doubted(shows: Shown, active: mi.Bool, view: View) -> mi.Bool:
         there, inside = _beside(lane, x, y, view.width, view.height)
         doubt |= dr.gather(mi.Bool, shows.astray, there, inside & dr.gather(mi.Bool, active, there, inside))
     return active & doubt
-
-
-@dataclass
-class _Passed:
-    """How a ray passes a triangle.
-
-    face     its packet
-    corners  from the ray's start
-    sides    volumes of the ray with the edges opposite to them: positive on the inner side, whichever side the ray comes from
-    volume   their sum before that, negative if the ray comes from the front
-    weights  of the corners where the ray meets it; where it passes beside it, of a point on its edge
-    t        how far along the ray that is
-    """
-
-    face: mi.Vector4u
-    corners: list[mi.Vector3f]
-    sides: mi.Vector3f
-    volume: mi.Float
-    weights: mi.Vector3f
-    t: mi.Float
-
-
-def _passed(world: geometry.Geometry, ray: Ray, triangle: mi.UInt32) -> _Passed:
-    """How a ray passes a triangle, by the volumes that it spans with the edges. These are told from the edges themselves, which
-    two triangles see alike but for the sign: no ray slips through between them, and small triangles far away lose little."""
-    face, corner = raster.corners(world.points, world.faces, triangle, mi.Bool(True))
-    a, b, c = (mi.Vector3f(q.xyz) - mi.Vector3f(ray.p) for q in corner)
-    sides = mi.Vector3f(*(dr.dot(dr.cross(p - q, p + q), ray.d) for p, q in ((b, c), (c, a), (a, b))))
-    volume = sides.x + sides.y + sides.z
-    sides *= dr.sign(volume)
-    weights = dr.maximum(sides, 0)
-    total = weights.x + weights.y + weights.z
-    weights = dr.select(total > 0, weights * dr.rcp(dr.select(total > 0, total, 1)), 1 / 3)
-    t = dr.dot(weights.x * a + weights.y * b + weights.z * c, ray.d)
-    return _Passed(face, [a, b, c], sides, volume, weights, t)
-
-
-@dr.syntax
-def _asks(asked: Asked, ray: Ray, best: Hit, named: Callable[[mi.UInt32], tuple[mi.UInt32, mi.Float]], count: int) -> Hit:
-    """What a ray meets from any of `count` triangles on, if that is nearer than `best`: of pieces that it does not see yet, or
-    where these are seen much nearer. `named` gives the triangle of a number, NONE for none, and how near that is seen."""
-    sees, last, k = _piece(asked, best.triangle), mi.UInt32(NONE), mi.UInt32(0)
-    while dr.hint(k < count, label="ask one triangle after another"):
-        candidate, t = named(k)
-        if (candidate != NONE) & (candidate != last) & ((_piece(asked, candidate) != sees) | (t < JUMP * best.t)):
-            best = _walked(asked, ray, candidate, best, mi.Bool(True))
-            sees = _piece(asked, best.triangle)
-            last = mi.UInt32(candidate)
-        k += 1
-    return best
-
-
-@dr.syntax
-def _walked(asked: Asked, ray: Ray, start: mi.UInt32, best: Hit, active: mi.Bool, steps: int = STEPS) -> Hit:
-    """What a ray meets from a triangle on, walking over the edges that it passes, if that is nearer than `best`."""
-    here, before, k, going = mi.UInt32(start), mi.UInt32(NONE), mi.UInt32(0), mi.Bool(active)
-    while dr.hint(going & (k < steps), label="walk over the edges that a ray passes"):
-        passed = _passed(asked.world, ray, here)
-        least = dr.min(passed.sides)
-        inside = (least >= -TOUCH * dr.abs(passed.volume)) & (passed.volume != 0)
-        # The back of a closed thing is never seen, and a mirror not in itself.
-        counts = ((passed.face.w & raster.CLOSED) == 0) | (passed.volume < 0)
-        counts &= geometry.part_of(passed.face) != ray.part
-        nearer = inside & counts & (passed.t > -BEFORE * (1 + dr.max(dr.abs(ray.p)))) & (passed.t < best.t)
-        best = dr.select(nearer, Hit(here, dr.abs(dr.maximum(passed.t, 0))), best)  # no -0, which `_key` takes for much
-
-        # Over the outline of a closed thing, and behind what was met already, it is not worth going on.
-        a, b, c = (dr.dot(q, ray.d) for q in passed.corners)
-        going = ~inside & counts & (dr.minimum(dr.minimum(a, b), c) < best.t)
-        beside = dr.gather(mi.Vector4u, asked.beside, here, going)
-        there = dr.select(passed.sides.x == least, beside.x, dr.select(passed.sides.y == least, beside.y, beside.z))
-        going &= (there != NONE) & (there != before)
-        before = mi.UInt32(here)
-        here = dr.select(going, there, here)
-        k += 1
-    return best

@@ -15,7 +15,7 @@ import mitsuba as mi
 from benchharness.kernels import geometry, optics, passage, surroundings
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.types import Frame, Reflection, SceneLike, Vertices, View
-from benchharness.kernels.vertices import adjacency, exact, textures, virtual
+from benchharness.kernels.vertices import adjacency, exact, meshwalk, textures, virtual
 from benchharness.kernels.vertices.problems import UNKNOWN, Problem
 
 
@@ -186,10 +186,10 @@ def _by_rays(seen: Scenery, beside: mi.UInt32, frame: Frame, drawn: list[_Drawn]
         nothing = dr.zeros(mi.Float, count)
         doubt = dr.zeros(mi.Bool, count) if frame.doubts else None
         return Reflection(mi.Color3f(nothing), nothing, dr.zeros(mi.Bool, count), None, {"unmet": mi.UInt32(0)}, doubt)
-    names = dr.full(mi.UInt32, exact.NONE, count)
+    names = dr.full(mi.UInt32, adjacency.NONE, count)
     for one in drawn:
         dr.scatter(names, virtual.named(one.nearest, one.target, seen.world.face_count), one.pixel, one.target.own)
-    asked = exact.Asked(seen.world, beside, dr.opaque(mi.UInt32, seen.objects))
+    asked = meshwalk.Asked(seen.world, beside, dr.opaque(mi.UInt32, seen.objects))
     shows = exact.shown(asked, frame, names, frame.active & passage.walled(seen.enclosed, frame.reflector))
     unmet = frame.active & shows.unmet
     doubt = exact.doubted(shows, frame.active, frame.view) if frame.doubts else None

@@ -55,14 +55,12 @@ class Nearest:
     spans       the points that triangles lie between, in whose plane what they carry is interpolated
     triangles   what they are images of; their number t is an image of the scene's number t % face_count
     bands       None where no doubt is asked for
-    banded      the bands that cover a pixel, as `bent.covered` has them
     """
 
     visibility: mi.UInt32
     spans: mi.Float
     triangles: geometry.Geometry
     bands: bent.Bands | None
-    banded: mi.UInt32 | None
 
 
 def nearest(
@@ -82,10 +80,7 @@ def nearest(
         made.points, shown.faces, shown.face_count, view, limit=made.limit, least=least, drawn=made.drawn
     )
     spans = images.at if drawing.depth == "screen_linear" else made.points
-    banded = None
-    if made.bands is not None:
-        banded = bent.covered(made.bands, view, dr.select(target.own, mi.Float(dr.inf), -dr.inf))
-    return Nearest(visibility, spans, shown, made.bands, banded)
+    return Nearest(visibility, spans, shown, made.bands)
 
 
 def nearest_back(surface: Surface, poses: mi.Float, part: mi.UInt32, view: View) -> mi.Float:
@@ -107,10 +102,18 @@ def _nearness_at(points: mi.Float, faces: mi.UInt32, visibility: mi.UInt32, view
     return value
 
 
-@frozen
-@dr.syntax
 def interpolated(shown: Nearest, target: Target, depth: str) -> Drawn:
     """What lies between the corners of the nearest triangles, where the eye's ray meets them. `depth`: as `Drawing` has it."""
+    banded = None
+    if shown.bands is not None:
+        banded = bent.covered(shown.bands, target.view, dr.select(target.own, mi.Float(dr.inf), -dr.inf))
+    return _interpolated(shown, target, banded, depth)
+
+
+@frozen
+@dr.syntax
+def _interpolated(shown: Nearest, target: Target, banded: mi.UInt32 | None, depth: str) -> Drawn:
+    """`banded`: the bands that cover a pixel, as `bent.covered` has them."""
     view, p, own, triangles = target.view, target.p, target.own, shown.triangles
     pixel = dr.arange(mi.UInt32, view.width * view.height)
     triangle = raster.winner_at(shown.visibility, view, pixel, own)
@@ -127,7 +130,7 @@ def interpolated(shown: Nearest, target: Target, depth: str) -> Drawn:
     if shown.bands is not None:
         # A triangle that was cut is in two slots.
         doubt = hit & dr.gather(mi.Bool, shown.bands.doubted, triangle % (shown.bands.count // 3), hit)
-        doubt |= own & (raster.winner_at(shown.banded, view, pixel, own) != raster.NONE)
+        doubt |= own & (raster.winner_at(banded, view, pixel, own) != raster.NONE)
     return Drawn(L, distance, hit, doubt)
 
 
