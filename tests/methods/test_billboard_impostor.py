@@ -136,9 +136,8 @@ def test_i04_a_ring_around_a_mirror_that_its_box_does_not_hold_is_a_billboard_th
     r = np.hypot(at[:, 0], at[:, 1])
     assert r.min() > 0.78 and r.max() < 1.02  # of the quad only the ring is opaque
     assert np.abs(at[:, 2]).max() < 0.01  # and it stands where the ring's middle is
-    assert (seen & there).sum() / (seen | there).sum() == pytest.approx(
-        0.29, abs=0.06
-    )  # rays that run along the plane pass above what is thick
+    # Rays that run along the plane pass above what is thick.
+    assert (seen & there).sum() / (seen | there).sum() == pytest.approx(0.29, abs=0.06)
 
 
 def two_coloured(front, back, middle=(0.0, 0.3, 0.0), radius=0.2) -> Object:
