@@ -26,10 +26,9 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import geometry, optics
-from benchharness.kernels import pixels as spreading
+from benchharness.kernels import geometry, optics, packets
 from benchharness.kernels.frozen import frozen
-from benchharness.kernels.types import Frame, View
+from benchharness.kernels.types import Frame
 from benchharness.kernels.vertices import meshwalk
 from benchharness.kernels.vertices.adjacency import NONE
 from benchharness.kernels.vertices.meshwalk import JUMP, Asked, Hit, Ray
@@ -43,39 +42,41 @@ PLACES = len(REACH) * len(AROUND)
 
 @dataclass
 class Pixels:
-    """The mirrors' pixels, and the rays that they reflect, one lane per pixel of the frame.
+    """The mirrors' pixels, and the rays that they reflect: one lane each, in the order of `types.Frame.pixels`.
 
-    lanes          those of the mirrors' pixels
-    active         which they are
-    named          the scene's triangle whose image covers a pixel, NONE for none
-    p, d           packets: start and number of the mirror, unit direction; defined at the mirrors' pixels
+    lanes          their pixels in the frame
+    number         per pixel of the frame, which of the mirrors' it is, NONE for others
+    named          the scene's triangle whose image covers it, NONE for none
+    p, d           packets: start and number of the mirror, unit direction
     width, height  of the frame
     """
 
     lanes: mi.UInt32
-    active: mi.Bool
+    number: mi.UInt32
     named: mi.UInt32
     p: mi.Float
     d: mi.Float
     width: int
     height: int
 
-    def beside(self, lane: mi.UInt32, x: mi.Int32 | int, y: mi.Int32 | int) -> tuple[mi.UInt32, mi.Bool]:
-        """The lane of the pixel x columns and y rows away, and whether it is in the frame."""
-        return _beside(lane, x, y, self.width, self.height)
+    def beside(self, which: mi.UInt32, x: mi.Int32 | int, y: mi.Int32 | int, active: mi.Bool | bool = True) -> mi.UInt32:
+        """The mirrors' pixel that is x columns to the right of number `which` and y rows below, NONE where there is none."""
+        lane = mi.Int32(dr.gather(mi.UInt32, self.lanes, which, active))
+        row = lane // self.width
+        column = lane - row * self.width + x
+        row += y
+        inside = active & (column >= 0) & (row >= 0) & (column < self.width) & (row < self.height)
+        return dr.select(inside, dr.gather(mi.UInt32, self.number, mi.UInt32(row * self.width + column), inside), NONE)
 
-
-def _beside(lane: mi.UInt32, x: mi.Int32 | int, y: mi.Int32 | int, width: int, height: int) -> tuple[mi.UInt32, mi.Bool]:
-    """`Pixels.beside`, for a picture of that size."""
-    row = mi.Int32(lane // width)
-    column = mi.Int32(lane) - row * width + x
-    row += y
-    return mi.UInt32(row * width + column), (column >= 0) & (row >= 0) & (column < width) & (row < height)
+    def ray(self, which: mi.UInt32, active: mi.Bool | bool = True) -> Ray:
+        """The ray of a pixel."""
+        p, d = (dr.gather(mi.Vector4f, buffer, which, active) for buffer in (self.p, self.d))
+        return Ray(mi.Point3f(p.x, p.y, p.z), mi.Vector3f(d.x, d.y, d.z), mi.UInt32(p.w))
 
 
 @dataclass
 class Shown:
-    """What the mirrors' pixels show, one lane per pixel of the frame, of no meaning at others.
+    """What the mirrors' pixels show, one lane each.
 
     L, distance  radiance, and length of the ray
     found        there is an answer
@@ -92,29 +93,38 @@ class Shown:
     astray: mi.Bool
 
 
-def shown(asked: Asked, frame: Frame, named: mi.UInt32, walled: mi.Bool) -> Shown:
-    """What the mirrors' pixels show.
+@frozen
+def numbers(lanes: mi.UInt32, count: int) -> mi.UInt32:
+    """`Pixels.number` of a frame of `count` pixels."""
+    number = dr.full(mi.UInt32, NONE, count)
+    dr.scatter(number, dr.arange(mi.UInt32, dr.width(lanes)), lanes)
+    return number
 
+
+def shown(asked: Asked, frame: Frame, number: mi.UInt32, named: mi.UInt32, walled: mi.Bool) -> tuple[Shown, Pixels]:
+    """What the mirrors' pixels show, at least one, and what of them was asked.
+
+    number  as `numbers` has it
     named   as `Pixels` has it
-    walled  where a ray always meets something. One that meets no candidate is taken to show a point of the triangle that its
-            pixel names, near where it passes; elsewhere it has no answer
+    walled  per pixel of the frame, where a ray always meets something. One that meets no candidate is taken to show a point of
+            the triangle that its pixel names, near where it passes; elsewhere it has no answer
 
     Waits for the device three times, to learn how many pixels the later passes have.
     """
     view, lanes = frame.view, frame.pixels
-    seen = _Seen(frame.p, frame.n, frame.v, frame.reflector, frame.active)
-    pixels, hits, pieces, at_border = _first(asked, seen, lanes, named, (view.width, view.height))
-    border = dr.compress(at_border)
+    seen = _Seen(frame.p, frame.n, frame.v, frame.reflector)
+    pixels, hits, differs = _first(asked, seen, lanes, number, named, (view.width, view.height))
+    border = dr.compress(differs)
     if dr.width(border) > 0:
-        hits = _asked_around(asked, pixels, hits, dr.gather(mi.UInt32, lanes, border))
-    wrong = dr.compress(_is_wrong(asked, pixels, hits, pieces))
+        hits = _asked_around(asked, pixels, hits, border)
+    wrong = dr.compress(_is_wrong(asked, pixels, hits))
     if dr.width(wrong) > 0:
-        number = dr.arange(mi.UInt32, PLACES * dr.width(wrong))
-        hits.triangle = _asked_for(asked, pixels, hits, dr.gather(mi.UInt32, lanes, wrong), number)
-    lost = dr.compress(_is_lost(pixels, hits.triangle, walled))
+        hits = _asked_for(asked, pixels, hits, wrong, dr.arange(mi.UInt32, PLACES * dr.width(wrong)))
+    should = _should_meet(pixels, walled)
+    lost = dr.compress(should & (hits.triangle == NONE))
     if dr.width(lost) > 0:
-        hits.triangle = _asked_afar(asked, pixels, hits.triangle, dr.gather(mi.UInt32, lanes, lost))
-    return _shown(asked, pixels, hits.triangle, walled, view)
+        hits = _asked_afar(asked, pixels, hits, lost)
+    return _shown(asked, pixels, hits.triangle, walled), pixels
 
 
 @dataclass
@@ -125,62 +135,50 @@ class _Seen:
     n: mi.Normal3f
     v: mi.Vector3f
     reflector: mi.Int32
-    active: mi.Bool
 
 
 @frozen
 def _first(
-    asked: Asked, seen: _Seen, lanes: mi.UInt32, named: mi.UInt32, size: tuple[int, int]
-) -> tuple[Pixels, Hit, mi.UInt32, mi.Bool]:
-    """The rays; what each meets from the triangle that its pixel names; the pieces that are named; and per mirror's pixel
-    whether one around it names a piece that it does not see, or sees something much nearer."""
-    count = size[0] * size[1]
+    asked: Asked, seen: _Seen, lanes: mi.UInt32, number: mi.UInt32, named: mi.UInt32, size: tuple[int, int]
+) -> tuple[Pixels, Hit, mi.Bool]:
+    """The rays; what each meets from the triangle that its pixel names; and whether a pixel around names a piece that it does
+    not see, or sees something much nearer."""
+    count = dr.width(lanes)
     p, n, v = (dr.gather(type(a), a, lanes) for a in (seen.p, seen.n, seen.v))
     part = asked.objects + mi.UInt32(dr.gather(mi.Int32, seen.reflector, lanes))
     d = optics.reflect(v, n)
-    rays = [dr.empty(mi.Float, 4 * count) for _ in range(2)]
-    for buffer, value in zip(rays, (mi.Vector4f(p.x, p.y, p.z, mi.Float(part)), mi.Vector4f(d.x, d.y, d.z, 0)), strict=True):
-        dr.scatter(buffer, value, lanes)
-    start = dr.gather(mi.UInt32, named, lanes)
-    hit = meshwalk.walked(asked, Ray(p, d, part), start, Hit(mi.UInt32(NONE), mi.Float(dr.inf)), start != NONE)
-    hits = Hit(dr.full(mi.UInt32, NONE, count), dr.full(mi.Float, dr.inf, count))
-    pieces = dr.full(mi.UInt32, NONE, count)
-    for buffer, value in ((hits.triangle, hit.triangle), (hits.t, hit.t), (pieces, meshwalk.piece(asked, start))):
-        dr.scatter(buffer, value, lanes)
-    pixels = Pixels(lanes, seen.active, named, *rays, *size)
-    dr.eval(pixels, hits, pieces)
+    hit = meshwalk.walked(asked, Ray(p, d, part), named, Hit(mi.UInt32(NONE), mi.Float(dr.inf)), named != NONE)
+    pieces = meshwalk.piece(asked, named)
+    pixels = Pixels(
+        lanes, number, named, packets.joined(p, mi.Float(part), count), packets.joined(d, mi.Float(0), count), *size
+    )
+    dr.eval(pixels, hit, pieces)
 
-    sees, t = meshwalk.piece(asked, dr.gather(mi.UInt32, hits.triangle, lanes)), dr.gather(mi.Float, hits.t, lanes)
-    differs = mi.Bool(False)
+    which, sees, differs = dr.arange(mi.UInt32, count), meshwalk.piece(asked, hit.triangle), mi.Bool(False)
     for x, y in AROUND:
-        lane, inside = pixels.beside(lanes, x, y)
-        there = dr.gather(mi.UInt32, pieces, lane, inside)
-        differs |= inside & (there != NONE) & ((there != sees) | (dr.gather(mi.Float, hits.t, lane, inside) < JUMP * t))
-    return pixels, hits, pieces, differs
-
-
-def _ray(pixels: Pixels, lane: mi.UInt32, active: mi.Bool) -> Ray:
-    """The ray of a pixel."""
-    p, d = (dr.gather(mi.Vector4f, buffer, lane, active) for buffer in (pixels.p, pixels.d))
-    return Ray(mi.Point3f(p.x, p.y, p.z), mi.Vector3f(d.x, d.y, d.z), mi.UInt32(p.w))
+        other = pixels.beside(which, x, y)
+        inside = other != NONE
+        there = dr.gather(mi.UInt32, pieces, other, inside)
+        differs |= inside & (there != NONE) & ((there != sees) | (dr.gather(mi.Float, hit.t, other, inside) < JUMP * hit.t))
+    return pixels, hit, differs
 
 
 @frozen
-def _asked_around(asked: Asked, pixels: Pixels, hits: Hit, lanes: mi.UInt32) -> Hit:
-    """Hits, for which the pixels `lanes` have asked what the eight around them name: other pieces than they see, or what is
+def _asked_around(asked: Asked, pixels: Pixels, hits: Hit, which: mi.UInt32) -> Hit:
+    """Hits, for which the pixels `which` have asked what the eight around them name: other pieces than they see, or what is
     much nearer."""
-    ray = _ray(pixels, lanes, mi.Bool(True))
-    best = Hit(dr.gather(mi.UInt32, hits.triangle, lanes), dr.gather(mi.Float, hits.t, lanes))
+    best = Hit(dr.gather(mi.UInt32, hits.triangle, which), dr.gather(mi.Float, hits.t, which))
 
     def named(k: mi.UInt32) -> tuple[mi.UInt32, mi.Float]:
-        lane, inside = pixels.beside(lanes, *_around(k))
-        there = dr.select(inside, dr.gather(mi.UInt32, pixels.named, lane, inside), NONE)
-        return there, dr.select(inside, dr.gather(mi.Float, hits.t, lane, inside), dr.inf)
+        other = pixels.beside(which, *_around(k))
+        inside = other != NONE
+        there = dr.select(inside, dr.gather(mi.UInt32, pixels.named, other, inside), NONE)
+        return there, dr.select(inside, dr.gather(mi.Float, hits.t, other, inside), dr.inf)
 
-    best = meshwalk.asks(asked, ray, best, named, len(AROUND))
+    best = meshwalk.asks(asked, pixels.ray(which), best, named, len(AROUND))
     found = Hit(mi.UInt32(hits.triangle), mi.Float(hits.t))
-    dr.scatter(found.triangle, best.triangle, lanes)
-    dr.scatter(found.t, best.t, lanes)
+    dr.scatter(found.triangle, best.triangle, which)
+    dr.scatter(found.t, best.t, which)
     return found
 
 
@@ -191,68 +189,60 @@ def _around(k: mi.UInt32) -> tuple[mi.Int32, mi.Int32]:
 
 
 @frozen
-def _is_wrong(asked: Asked, pixels: Pixels, hits: Hit, pieces: mi.UInt32) -> mi.Bool:
-    """Per mirror's pixel, whether it sees another piece than it names."""
-    sees = meshwalk.piece(asked, dr.gather(mi.UInt32, hits.triangle, pixels.lanes))
-    return sees != dr.gather(mi.UInt32, pieces, pixels.lanes)
+def _is_wrong(asked: Asked, pixels: Pixels, hits: Hit) -> mi.Bool:
+    """Whether a pixel sees another piece than it names."""
+    return meshwalk.piece(asked, hits.triangle) != meshwalk.piece(asked, pixels.named)
 
 
 @frozen
-def _asked_for(asked: Asked, pixels: Pixels, hits: Hit, lanes: mi.UInt32, number: mi.UInt32) -> mi.UInt32:
-    """What rays meet, after those around the pixels `lanes` have asked for what these name and see; `number` counts PLACES for
-    each."""
-    centre = dr.gather(mi.UInt32, lanes, number // PLACES)
-    place = number % PLACES
+def _asked_for(asked: Asked, pixels: Pixels, hits: Hit, centres: mi.UInt32, place: mi.UInt32) -> Hit:
+    """Hits, after the pixels around `centres` have asked for what these name and see; `place` counts PLACES for each."""
+    centre = dr.gather(mi.UInt32, centres, place // PLACES)
+    place %= PLACES
     x, y = _around(place % len(AROUND))
     reach = mi.Int32(REACH[0])
     for k in range(1, len(REACH)):
         reach = dr.select(place // len(AROUND) == k, REACH[k], reach)
-    lane, inside = pixels.beside(centre, reach * x, reach * y)
-    inside &= dr.gather(mi.Bool, pixels.active, lane, inside)
-    ray = _ray(pixels, lane, inside)
-    t = dr.gather(mi.Float, hits.t, lane, inside)
-    best = Hit(dr.gather(mi.UInt32, hits.triangle, lane, inside), mi.Float(t))
+    other = pixels.beside(centre, reach * x, reach * y)
+    inside = other != NONE
+    t = dr.gather(mi.Float, hits.t, other, inside)
+    best = Hit(dr.gather(mi.UInt32, hits.triangle, other, inside), mi.Float(t))
     about = [dr.select(inside, dr.gather(mi.UInt32, names, centre, inside), NONE) for names in (pixels.named, hits.triangle)]
     near = dr.gather(mi.Float, hits.t, centre, inside)
-    best = meshwalk.asks(asked, ray, best, lambda k: (dr.select(k == 0, *about), near), len(about))
-    keys = dr.empty(mi.UInt64, pixels.width * pixels.height)
-    here = Hit(dr.gather(mi.UInt32, hits.triangle, pixels.lanes), dr.gather(mi.Float, hits.t, pixels.lanes))
-    dr.scatter(keys, _key(here), pixels.lanes)
+    best = meshwalk.asks(asked, pixels.ray(other, inside), best, lambda k: (dr.select(k == 0, *about), near), len(about))
+    keys = _key(hits)
     dr.eval(keys)
-    nearer = inside & (best.t < t)
-    dr.scatter_reduce(dr.ReduceOp.Min, keys, _key(best), lane, nearer)
-    triangles = dr.full(mi.UInt32, NONE, pixels.width * pixels.height)
-    dr.scatter(triangles, mi.UInt32(dr.gather(mi.UInt64, keys, pixels.lanes) & NONE), pixels.lanes)
-    return triangles
+    dr.scatter_reduce(dr.ReduceOp.Min, keys, _key(best), other, inside & (best.t < t))
+    return Hit(mi.UInt32(keys & NONE), dr.reinterpret_array(mi.Float, mi.UInt32(keys >> 32)))
 
 
 @frozen
-def _is_lost(pixels: Pixels, triangles: mi.UInt32, walled: mi.Bool) -> mi.Bool:
-    """Per mirror's pixel, whether its ray meets nothing although it should, or a triangle is named."""
-    should = dr.gather(mi.Bool, walled, pixels.lanes) | (dr.gather(mi.UInt32, pixels.named, pixels.lanes) != NONE)
-    return should & (dr.gather(mi.UInt32, triangles, pixels.lanes) == NONE)
+def _should_meet(pixels: Pixels, walled: mi.Bool) -> mi.Bool:
+    """Whether the ray of a pixel should meet something: it always does, or its pixel names something."""
+    return dr.gather(mi.Bool, walled, pixels.lanes) | (pixels.named != NONE)
 
 
 @frozen
 @dr.syntax
-def _asked_afar(asked: Asked, pixels: Pixels, triangles: mi.UInt32, lanes: mi.UInt32) -> mi.UInt32:
-    """What rays meet, after the pixels `lanes` have asked what the nearest see that see anything, in eight directions."""
-    ray = _ray(pixels, lanes, mi.Bool(True))
+def _asked_afar(asked: Asked, pixels: Pixels, hits: Hit, which: mi.UInt32) -> Hit:
+    """Hits, after the pixels `which` have asked what the nearest see that see anything, in eight directions."""
+    ray = pixels.ray(which)
     best, k, last = Hit(mi.UInt32(NONE), mi.Float(dr.inf)), mi.UInt32(0), mi.UInt32(NONE)
     while dr.hint(k < len(AROUND), label="look in eight directions"):
         x, y = _around(k)
         far, candidate = mi.Int32(1), mi.UInt32(NONE)
         while dr.hint((candidate == NONE) & (far <= FARTHEST), label="look for a pixel that sees anything"):
-            lane, inside = pixels.beside(lanes, far * x, far * y)
-            inside &= dr.gather(mi.Bool, pixels.active, lane, inside)
-            candidate = dr.select(inside, dr.gather(mi.UInt32, triangles, lane, inside), NONE)
+            other = pixels.beside(which, far * x, far * y)
+            inside = other != NONE
+            candidate = dr.select(inside, dr.gather(mi.UInt32, hits.triangle, other, inside), NONE)
             far += 1 + far // 4
         if (candidate != NONE) & (candidate != last):
             best = meshwalk.walked(asked, ray, candidate, best, mi.Bool(True), FAR_STEPS)
             last = mi.UInt32(candidate)
         k += 1
-    found = mi.UInt32(triangles)
-    dr.scatter(found, best.triangle, lanes)
+    found = Hit(mi.UInt32(hits.triangle), mi.Float(hits.t))
+    dr.scatter(found.triangle, best.triangle, which)
+    dr.scatter(found.t, best.t, which)
     return found
 
 
@@ -263,32 +253,32 @@ def _key(hit: Hit) -> mi.UInt64:
 
 @frozen
 @dr.syntax
-def _shown(asked: Asked, pixels: Pixels, triangles: mi.UInt32, walled: mi.Bool, view: View) -> Shown:
-    """What the triangles that rays meet show, spread over the frame."""
-    lanes = pixels.lanes
-    triangle, named = dr.gather(mi.UInt32, triangles, lanes), dr.gather(mi.UInt32, pixels.named, lanes)
-    met, within = triangle != NONE, dr.gather(mi.Bool, walled, lanes)
+def _shown(asked: Asked, pixels: Pixels, triangle: mi.UInt32, walled: mi.Bool) -> Shown:
+    """What the triangles that rays meet show."""
+    which, named = dr.arange(mi.UInt32, dr.width(triangle)), pixels.named
+    met, within = triangle != NONE, dr.gather(mi.Bool, walled, pixels.lanes)
     found = met | (within & (named != NONE))
     L, t, mirror = mi.Color3f(0), mi.Float(0), mi.Bool(False)
     if found:
-        ray = _ray(pixels, lanes, found)
+        ray = pixels.ray(which, found)
         passed = meshwalk.passed_by(asked.world, ray, dr.select(met, triangle, named))
         L, t = geometry.radiance(asked.world, passed.face, passed.weights, ray.p, found), dr.maximum(passed.t, 0)
         found &= met | (passed.t > 0)
         mirror = found & (geometry.part_of(passed.face) >= asked.objects)
     unmet = ~met & (within | (named != NONE))
     astray = meshwalk.piece(asked, triangle) != meshwalk.piece(asked, named)
-    x, y, z, *others = spreading.spread([L.x, L.y, L.z, t, found, unmet, mirror, astray], lanes, view)
-    return Shown(mi.Color3f(x, y, z), *others)
+    return Shown(L, t, found, unmet, mirror, astray)
 
 
 @frozen
-def doubted(shows: Shown, active: mi.Bool, view: View) -> mi.Bool:
-    """Where rays may have missed something: where they met nothing, or a mirror, whose light is not known, and where images are
-    off, at that pixel or at one that touches it. `active`: the mirrors' pixels."""
-    lane = dr.arange(mi.UInt32, view.width * view.height)
+def doubted(shows: Shown, pixels: Pixels) -> mi.Bool:
+    """Where rays may have missed something, per pixel of the frame: where they met nothing, or a mirror, whose light is not
+    known, and where images are off, at that pixel or at one that touches it."""
+    which = dr.arange(mi.UInt32, dr.width(pixels.lanes))
     doubt = shows.unmet | shows.mirror | shows.astray
     for x, y in AROUND:
-        there, inside = _beside(lane, x, y, view.width, view.height)
-        doubt |= dr.gather(mi.Bool, shows.astray, there, inside & dr.gather(mi.Bool, active, there, inside))
-    return active & doubt
+        other = pixels.beside(which, x, y)
+        doubt |= dr.gather(mi.Bool, shows.astray, other, other != NONE)
+    full = dr.zeros(mi.Bool, pixels.width * pixels.height)
+    dr.scatter(full, doubt, pixels.lanes)
+    return full

@@ -13,6 +13,7 @@ import drjit as dr
 import mitsuba as mi
 
 from benchharness.kernels import geometry, optics, passage, surroundings
+from benchharness.kernels import pixels as spreading
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.types import Frame, Reflection, SceneLike, Vertices, View
 from benchharness.kernels.vertices import adjacency, exact, meshwalk, textures, virtual
@@ -186,14 +187,17 @@ def _by_rays(seen: Scenery, beside: mi.UInt32, frame: Frame, drawn: list[_Drawn]
         nothing = dr.zeros(mi.Float, count)
         doubt = dr.zeros(mi.Bool, count) if frame.doubts else None
         return Reflection(mi.Color3f(nothing), nothing, dr.zeros(mi.Bool, count), None, {"unmet": mi.UInt32(0)}, doubt)
-    names = dr.full(mi.UInt32, adjacency.NONE, count)
+    number = exact.numbers(frame.pixels, count)
+    names = dr.full(mi.UInt32, adjacency.NONE, dr.width(frame.pixels))
     for one in drawn:
-        dr.scatter(names, virtual.named(one.nearest, one.target, seen.world.face_count), one.pixel, one.target.own)
+        own = one.target.own
+        named = virtual.named(one.nearest, one.target, seen.world.face_count)
+        dr.scatter(names, named, dr.gather(mi.UInt32, number, one.pixel, own), own)
     asked = meshwalk.Asked(seen.world, beside, dr.opaque(mi.UInt32, seen.objects))
-    shows = exact.shown(asked, frame, names, frame.active & passage.walled(seen.enclosed, frame.reflector))
-    unmet = frame.active & shows.unmet
-    doubt = exact.doubted(shows, frame.active, frame.view) if frame.doubts else None
-    return Reflection(shows.L, shows.distance, frame.active & shows.found, None, {"unmet": mi.UInt32(unmet)}, doubt)
+    shows, pixels = exact.shown(asked, frame, number, names, frame.active & passage.walled(seen.enclosed, frame.reflector))
+    x, y, z, distance, found = spreading.spread([*shows.L, shows.distance, shows.found], frame.pixels, frame.view)
+    doubt = exact.doubted(shows, pixels) if frame.doubts else None
+    return Reflection(mi.Color3f(x, y, z), distance, frame.active & found, None, {"unmet": mi.UInt32(shows.unmet)}, doubt)
 
 
 def _reported(solved: list[Solved]) -> tuple[Vertices, dict[str, mi.UInt32]]:
