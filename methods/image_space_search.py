@@ -93,13 +93,13 @@ class Mirror:
 class State:
     """
     mirrors  per reflector, its meshes
-    ends     per reflector, where the last searches ended; None for those
+    ends     per reflector, where the last searches ended
     view     the camera of the last frame
     """
 
     scenery: vertexwise.Scenery
     mirrors: list[Mirror]
-    ends: list[Ends | None]
+    ends: list[vertexwise.Kept]
     view: View | None
 
 
@@ -124,6 +124,8 @@ class ImageSpaceSearch(Method):
                    texels spread over the mirror's picture, and hidden vertices are "cut"
     resolve        what a pixel shows: "interpolate" between the corners of the triangle that covers it, as the paper does, or
                    what its own "ray" meets of the triangles that it and the pixels around it name (kernels.vertices.exact)
+    lod_px         levels of detail: of every part the coarsest whose error is seen no larger than this in a mirror, pixels;
+                   0 for none. Only with "ray", which shows the part itself and not what stands for it
     """
 
     score: Literal["sq", "dot"] = "sq"
@@ -139,6 +141,7 @@ class ImageSpaceSearch(Method):
     self_reflection: Literal["black", "omitted"] = "black"
     multi: Annotated[int, Field(ge=1, le=8)] = 1
     resolve: Literal["interpolate", "ray"] = "interpolate"
+    lod_px: Annotated[float, Field(ge=0, le=1e3)] = 0.0
 
     paper: ClassVar[str] = "Estalella et al. 2006"
     limits: ClassVar[dict[str, str]] = {
@@ -150,12 +153,14 @@ class ImageSpaceSearch(Method):
     }
 
     def __post_init__(self) -> None:
+        vertexwise.check(self.resolve, self.lod_px, "image_space_search")
         if self.multi > 1 and self.hidden != "cut":
             raise ValueError(f'image_space_search: multi {self.multi} with hidden "{self.hidden}"; accepted: "cut"')
 
     def prepare(self, scene: Scene) -> State:
         mirrors = [_mirror(reflector, self.multi) for reflector in scene.reflectors]
-        return State(vertexwise.scenery(scene, self.resolve), mirrors, [], None)
+        searched = [reflector.closed or reflector.mesh for reflector in scene.reflectors]
+        return State(vertexwise.scenery(scene, searched, self.resolve, self.lod_px), mirrors, [], None)
 
     def update(self, state: State, frame: Frame) -> State:
         return replace(state, scenery=vertexwise.posed(state.scenery, frame))
@@ -164,21 +169,18 @@ class ImageSpaceSearch(Method):
         how = search.Options(self.score, self.neighbourhood, self.subtexel)
         options = Options(how, self.placement, self.hidden, self.start == "pyramid", self.warm)
         seen, last_view = state.scenery, None if self.warm == "off" else state.view
-        cold = None if last_view is not None else Ends.cold(seen.triangles.vertex_count)
         drawing = virtual.Drawing("cut" if self.hidden == "cut" else "keep")
 
-        def solve(i: int, problem: problems.Problem) -> vertexwise.Solved:
+        def solve(i: int, problem: problems.Problem, last: Ends) -> vertexwise.Solved:
             mirror, proxy = state.mirrors[i], frame.proxies[i]
             mesh, seeds, pose = mirror.mesh, mirror.seeds, problem.pose
             window = textures.window(frame.view, frame.boxes[i], self.widening)
             picture = textures.render(proxy, frame.poses, problem.part, window.view)
-            own = branches.meeting(mirror.sheet, pose, self.self_reflection, frame.doubts)
+            own = branches.meeting(i, mirror.sheet, pose, self.self_reflection, frame.doubts)
             if seeds is not None:
                 made, reads = _search_several(problem, mesh, seeds, picture, self.multi, options)
                 back = virtual.nearest_back(proxy, frame.poses, problem.part, frame.view) if seeds.closed else None
                 return branches.solved(made, sight.Shadow(mesh, pose), back, drawing, own, {"texel_reads": reads})
-            last = cold or state.ends[i]
-            assert last is not None
             images, vertices, end, reads = _search(problem, picture, window, last, options, "one" if mesh.convex else "several")
             return vertexwise.Solved(
                 images=images,
@@ -192,7 +194,14 @@ class ImageSpaceSearch(Method):
             )
 
         reflection, ends = vertexwise.shown(
-            seen, frame, solve, other_mirrors=self.other_mirrors, max_iter=self.max_iter, last_view=last_view
+            seen,
+            frame,
+            solve,
+            other_mirrors=self.other_mirrors,
+            max_iter=self.max_iter,
+            last_view=last_view,
+            last=state.ends,
+            cold=Ends.cold,
         )
         if self.multi == 1 and (found := reflection.vertices) is not None:
             sheets = [mirror.sheet for mirror in state.mirrors]

@@ -29,7 +29,7 @@ from benchharness.kernels import optics, placement
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.vertices import branches, mirrormesh, newton, problems, search, several, sight, vertexwise, virtual
 from benchharness.kernels.vertices.mirrormesh import MirrorMesh, SurfacePoint
-from benchharness.scene import Reflector, Scene
+from benchharness.scene import Mesh, Reflector, Scene
 
 
 @dataclass
@@ -47,15 +47,17 @@ class Ends:
 @dataclass
 class State:
     """
-    seeds  per reflector, where the walks for several reflections may start; None where there is one at most
-    ends   per reflector, where the last walks ended; None for those
-    view   the camera of the last frame
+    seeds   per reflector, where the walks for several reflections may start; None where there is one at most
+    joined  per group of reflectors, the mirrors that it joins; None for one alone
+    ends    per group, where the last walks ended
+    view    the camera of the last frame
     """
 
     scenery: vertexwise.Scenery
     mirrors: list[MirrorMesh]
     seeds: list[several.Seeds | None]
-    ends: list[Ends | None]
+    joined: list[mirrormesh.Joined | None]
+    ends: list[vertexwise.Kept]
     view: View | None
 
 
@@ -70,6 +72,8 @@ class Newton(Method):
     multi     reflections per vertex that are found and drawn; with more than one, every walk is a cold one
     resolve   what a pixel shows: "interpolate" between the corners of the triangle that covers it, or what its own "ray" meets
               of the triangles that it and the pixels around it name (kernels.vertices.exact)
+    lod_px    levels of detail: of every part the coarsest whose error is seen no larger than this in a mirror, pixels;
+              0 for none. Only with "ray", which shows the part itself and not what stands for it
     """
 
     warm: bool = True
@@ -79,6 +83,10 @@ class Newton(Method):
     max_iter: Annotated[int, Field(ge=1, le=65536)] = 60
     multi: Annotated[int, Field(ge=1, le=8)] = 1
     resolve: Literal["interpolate", "ray"] = "interpolate"
+    lod_px: Annotated[float, Field(ge=0, le=1e3)] = 0.0
+
+    def __post_init__(self) -> None:
+        vertexwise.check(self.resolve, self.lod_px, "newton")
 
     paper: ClassVar[str] = "Jakob and Marschner 2012"
     limits: ClassVar[dict[str, str]] = {
@@ -98,35 +106,62 @@ class Newton(Method):
             else None
             for r, mesh in zip(scene.reflectors, mirrors, strict=True)
         ]
-        return State(vertexwise.scenery(scene, self.resolve), mirrors, seeds, [], None)
+        together = [i for i, mesh in enumerate(mirrors) if mesh.convex]
+        groups = [[i] for i, mesh in enumerate(mirrors) if not mesh.convex or len(together) == 1]
+        if len(together) > 1:
+            groups.append(together)
+        searched = [
+            r.closed if r.closed is not None and m.convex else r.mesh for r, m in zip(scene.reflectors, mirrors, strict=True)
+        ]
+        joined = [None if len(group) == 1 else _joined([searched[i] for i in group]) for group in groups]
+        scenery = vertexwise.scenery(scene, searched, self.resolve, self.lod_px, groups)
+        return State(scenery, mirrors, seeds, joined, [], None)
 
     def update(self, state: State, frame: Frame) -> State:
         return replace(state, scenery=vertexwise.posed(state.scenery, frame))
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         seen, last_view = state.scenery, state.view if self.warm else None
-        cold = None if last_view is not None else Ends.cold(seen.triangles.vertex_count)
         drawing = virtual.Drawing(self.hidden)
 
-        def solve(i: int, problem: problems.Problem) -> vertexwise.Solved:
-            mesh, seeds, pose = state.mirrors[i], state.seeds[i], problem.pose
-            own, hider = branches.meeting(mesh, pose, self.self_reflection, frame.doubts), sight.Shadow(mesh, pose)
+        def solve(g: int, problem: problems.Problem, last: Ends) -> vertexwise.Solved:
+            group, joined, own = seen.groups[g], state.joined[g], {}
+            for i in group:
+                pose = placement.pose_of(frame.poses, dr.opaque(mi.UInt32, seen.objects + i))
+                own |= branches.meeting(i, state.mirrors[i], pose, self.self_reflection, frame.doubts)
+            if joined is not None:
+                assert problem.of_triangles is not None
+                images, vertices, end = _solve(problem, joined, last, self.hidden)
+                hider = sight.Shadows(joined, frame.poses, *problem.of_triangles)
+                return vertexwise.Solved(images, end, vertices, drawing, hider, None, self.hidden == "cut", own=own)
+            i, pose = group[0], problem.pose
+            mesh, seeds = state.mirrors[i], state.seeds[i]
+            hider = sight.Shadow(mesh, pose)
             closed = mesh.closed and not mesh.convex if seeds is None else seeds.closed
             back = virtual.nearest_back(frame.proxies[i], frame.poses, problem.part, frame.view) if closed else None
             if seeds is not None:
                 return branches.solved(_solve_several(problem, mesh, seeds, self.multi), hider, back, drawing, own)
-            last = cold or state.ends[i]
-            assert last is not None
             images, vertices, end = _solve(problem, mesh, last, self.hidden)
             whole = mesh.convex and self.hidden == "cut"
             return vertexwise.Solved(images, end, vertices, drawing, hider, back, whole, own=own)
 
         reflection, ends = vertexwise.shown(
-            seen, frame, solve, other_mirrors=self.other_mirrors, max_iter=self.max_iter, last_view=last_view
+            seen,
+            frame,
+            solve,
+            other_mirrors=self.other_mirrors,
+            max_iter=self.max_iter,
+            last_view=last_view,
+            last=state.ends,
+            cold=Ends.cold,
         )
         if self.multi == 1 and (found := reflection.vertices) is not None:
             found.valid = several.valid(state.mirrors, seen.objects, frame, seen.world.points, found)
         return reflection, replace(state, ends=ends, view=frame.view)
+
+
+def _joined(meshes: list[Mesh]) -> mirrormesh.Joined:
+    return mirrormesh.joined([(mesh.vertices, mesh.normals, mesh.faces) for mesh in meshes])
 
 
 def _mesh(reflector: Reflector) -> MirrorMesh:
@@ -141,9 +176,16 @@ def _mesh(reflector: Reflector) -> MirrorMesh:
 
 
 @frozen
-def _solve(problem: problems.Problem, mesh: MirrorMesh, last: Ends, hides: str) -> tuple[virtual.Images, Vertices, Ends]:
+def _solve(
+    problem: problems.Problem, mirror: MirrorMesh | mirrormesh.Joined, last: Ends, hides: str
+) -> tuple[virtual.Images, Vertices, Ends]:
     """Virtual vertices, what was found of each vertex, and where the walks ended. `hides`: as `Newton.hidden` has it."""
     (_, V, active), pose, view, max_iter = problem.vertices(), problem.pose, problem.view, problem.max_iter
+    if isinstance(mirror, MirrorMesh):
+        mesh = mirror
+    else:
+        assert problem.mirror is not None
+        mesh, pose = mirror.at(problem.mirror, pose)
     local = placement.mirror_frame(pose, V, view)
 
     # The mirror between eye and vertex hides it for certain if it is convex.

@@ -126,14 +126,14 @@ class Ends:
 @dataclass
 class State:
     """
-    ends   per reflector, where the last searches ended; None for those with several reflections
+    ends   per reflector, where the last searches ended
     view   the camera of the last frame
     d_max  no reflected ray is longer, metres
     """
 
     scenery: vertexwise.Scenery
     mirrors: list[Mirror]
-    ends: list[Ends | None]
+    ends: list[vertexwise.Kept]
     view: View | None
     d_max: mi.Float
 
@@ -158,6 +158,8 @@ class SecantTriangle(Method):
                     small triangle around a point of the mirror, and hidden vertices are "cut" or their triangles dropped
     resolve         what a pixel shows: "interpolate" between the corners of the triangle that covers it, as the paper does, or
                     what its own "ray" meets of the triangles that it and the pixels around it name (kernels.vertices.exact)
+    lod_px          levels of detail: of every part the coarsest whose error is seen no larger than this in a mirror, pixels;
+                    0 for none. Only with "ray", which shows the part itself and not what stands for it
     """
 
     resolution: Annotated[int, Field(ge=8, le=2048)] = 256
@@ -175,6 +177,7 @@ class SecantTriangle(Method):
     max_iter: Annotated[int, Field(ge=1, le=65536)] = 60
     multi: Annotated[int, Field(ge=1, le=8)] = 1
     resolve: Literal["interpolate", "ray"] = "interpolate"
+    lod_px: Annotated[float, Field(ge=0, le=1e3)] = 0.0
 
     paper: ClassVar[str] = "Roger and Holzschuch 2006"
     limits: ClassVar[dict[str, str]] = {
@@ -186,6 +189,7 @@ class SecantTriangle(Method):
     }
 
     def __post_init__(self) -> None:
+        vertexwise.check(self.resolve, self.lod_px, "secant_triangle")
         if self.depth == "screen_linear" and self.hidden in ("cut", "emdt_mirror"):
             raise ValueError(f'secant_triangle: depth "screen_linear" with hidden "{self.hidden}"; accepted: "drop" or "clamp"')
         if self.multi > 1 and (self.hidden not in ("cut", "drop") or self.depth != "perspective"):
@@ -203,17 +207,19 @@ class SecantTriangle(Method):
         return None
 
     def prepare(self, scene: Scene) -> State:
-        mirrors = []
+        mirrors, searched = [], []
         for reflector in scene.reflectors:
             star, mesh = _star(reflector, self.resolution)
             walked, seeds = mirrormesh.build(mesh.vertices, mesh.normals, mesh.faces, backs=reflector.closed is None), None
             sheet = None if walked.convex else _sheet(reflector, mesh, walked)
             if self.multi > 1 and not walked.convex:
                 seeds = several.seeds(mesh.vertices, mesh.normals, mesh.faces, backs=reflector.closed is None)
+            searched.append(mesh)
             mirrors.append(Mirror(star, walked, sheet, seeds))
         corners = np.concatenate([np.asarray(part.mesh.transformed(part.pose(0.0)).vertices) for part in scene.parts])
         d_max = dr.opaque(mi.Float, FARTHEST * float(np.linalg.norm(np.ptp(corners, axis=0))))
-        return State(vertexwise.scenery(scene, self.resolve), mirrors, [], None, d_max)
+        scenery = vertexwise.scenery(scene, searched, self.resolve, self.lod_px)
+        return State(scenery, mirrors, [], None, d_max)
 
     def update(self, state: State, frame: Frame) -> State:
         return replace(state, scenery=vertexwise.posed(state.scenery, frame))
@@ -221,14 +227,13 @@ class SecantTriangle(Method):
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         options = Options(secant.Options(self.residual, self.stop, self.start), self.newton, self.hidden, self.depth)
         seen, last_view = state.scenery, state.view if self.warm else None
-        cold = None if last_view is not None else Ends.cold(seen.triangles.vertex_count)
         scale = Scale(dr.opaque(mi.Float, self.tau), state.d_max)
         policy = {"cut": "cut", "drop": "drop", "emdt_mirror": "keep", "clamp": "keep"}[self.hidden]
         drawing = virtual.Drawing(policy, self.depth)
 
-        def solve(i: int, problem: problems.Problem) -> vertexwise.Solved:
+        def solve(i: int, problem: problems.Problem, last: Ends) -> vertexwise.Solved:
             mirror, pose, proxy = state.mirrors[i], problem.pose, frame.proxies[i]
-            own = branches.meeting(mirror.seen, pose, self.self_reflection, frame.doubts)
+            own = branches.meeting(i, mirror.seen, pose, self.self_reflection, frame.doubts)
             hider = sight.Shadow(mirror.mesh, pose)
             closed = self.self_occlusion and mirror.mesh.closed and not mirror.mesh.convex
             if mirror.seeds is not None:
@@ -241,8 +246,6 @@ class SecantTriangle(Method):
             if self.hidden == "emdt_mirror":
                 camera = textures.window(frame.view, frame.boxes[i], WIDENING).view
                 picture = textures.render(proxy, frame.poses, problem.part, camera)
-            last = cold or state.ends[i]
-            assert last is not None
             images, vertices, end, backtracks = _solve(problem, mirror, picture, last, scale, options)
             return vertexwise.Solved(
                 images=images,
@@ -257,7 +260,14 @@ class SecantTriangle(Method):
             )
 
         reflection, ends = vertexwise.shown(
-            seen, frame, solve, other_mirrors=self.other_mirrors, max_iter=self.max_iter, last_view=last_view
+            seen,
+            frame,
+            solve,
+            other_mirrors=self.other_mirrors,
+            max_iter=self.max_iter,
+            last_view=last_view,
+            last=state.ends,
+            cold=Ends.cold,
         )
         if self.multi == 1 and (found := reflection.vertices) is not None:
             meshes = [mirror.seen for mirror in state.mirrors]

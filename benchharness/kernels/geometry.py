@@ -1,7 +1,8 @@
 """Triangles on the device, in the layout that the other kernels read.
 
     points      4 floats per vertex: x, y, z, number of the part (as a float, exact below 2^24)
-    attributes  4 floats per vertex: radiance of what is lit, unit normal of what reflects; the last is free
+    attributes  4 floats per vertex: radiance of what is lit, unit normal of what reflects; the last is free. None where only
+                places matter
     faces       4 integers per triangle: three vertices, number of the part (and raster.CLOSED, see `part_of`)
     shine       what highlights need beside (`kernels.lighting`), None for a scene without: then nothing of it is compiled
 
@@ -28,7 +29,7 @@ class Geometry:
     """Triangles of parts, in the layout above."""
 
     points: mi.Float
-    attributes: mi.Float
+    attributes: mi.Float | None
     faces: mi.UInt32
     vertex_count: int
     face_count: int

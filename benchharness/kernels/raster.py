@@ -37,18 +37,20 @@ class PixelTests:
 
     limit  float [height * width]: its nearness is at most that
     floor  float [height * width]: its second value is at least that
+    layer  uint [height * width]: its layer is that
     """
 
     limit: mi.Float | None
     floor: mi.Float | None
+    layer: mi.UInt32 | None
 
 
 @dataclass
 class Packed:
     """Triangles that are set up.
 
-    planes  four buffers of packets: edge function x, y, A, B of each edge; plane of nearness and who owns the edges. A fifth
-            with the plane of the second value, if there is one
+    planes  four buffers of packets: edge function x, y, A, B of each edge; plane of nearness, and who owns the edges and eight
+            times the layer. A fifth with the plane of the second value, if there is one
     boxes   packets of integers: column and row of the first tile, tiles across, tiles in all
     ends    running sum of the tiles
     """
@@ -80,6 +82,7 @@ def rasterize(
     *,
     limit: mi.Float | None = None,
     least: tuple[mi.Float, mi.Float] | None = None,
+    layers: tuple[mi.UInt32, mi.UInt32] | None = None,
     drawn: mi.Bool | None = None,
     cull: Cull = "",
 ) -> mi.UInt32:
@@ -91,6 +94,7 @@ def rasterize(
                surface behind which everything lies (its own nearness)
     least      a second value, Float [vertices], linear on the screen, and Float [height * width]; only what has it at
                least that large is drawn
+    layers     UInt32 [face_count] and UInt32 [height * width], below 2^20: what is drawn where; in every layer for None
     drawn      Bool [face_count]; the triangles to draw; all if None
     cull       "back": drop triangles marked CLOSED that turn their clockwise side to the eye; "front": drop all that turn
                their counter-clockwise side to it
@@ -98,9 +102,10 @@ def rasterize(
     Waits for the device once, to learn how long the lists are; not for use inside `dr.freeze`.
     """
     values, floor = least if least is not None else (None, None)
-    triangles = _packed(DrawCall(points, faces, face_count, view, drawn, cull, values))
+    layer, shown_layer = layers if layers is not None else (None, None)
+    triangles = _packed(DrawCall(points, faces, face_count, view, drawn, cull, values), layer)
     pairs = int(triangles.ends[face_count - 1])
-    return _nearest(triangles, _roomy(pairs), face_count, view, PixelTests(limit, floor))
+    return _nearest(triangles, _roomy(pairs), face_count, view, PixelTests(limit, floor, shown_layer))
 
 
 def _roomy(count: int) -> int:
@@ -110,10 +115,12 @@ def _roomy(count: int) -> int:
 
 
 @frozen
-def _packed(draw: DrawCall) -> Packed:
+def _packed(draw: DrawCall, layer: mi.UInt32 | None) -> Packed:
     """Sets all triangles up."""
     t = setup(draw)
-    owns = sum(dr.select(edge.owns, 1 << k, 0) for k, edge in enumerate(t.edges))
+    owns = mi.UInt32(sum(dr.select(edge.owns, 1 << k, 0) for k, edge in enumerate(t.edges)))
+    if layer is not None:
+        owns += 8 * layer
     values = [mi.Vector4f(e.x, e.y, e.A, e.B) for e in t.edges] + [mi.Vector4f(*t.plane, mi.Float(owns))]
     if t.second is not None:
         values.append(mi.Vector4f(*t.second, 0))
@@ -130,12 +137,12 @@ def _packed(draw: DrawCall) -> Packed:
     )
 
 
-def _unpacked(planes: list[mi.Float], triangle: mi.UInt32) -> tuple[list[Edge], mi.Vector3f]:
-    """The edges and the plane of nearness of a triangle."""
+def _unpacked(planes: list[mi.Float], triangle: mi.UInt32) -> tuple[list[Edge], mi.Vector3f, mi.UInt32]:
+    """The edges, the plane of nearness and the layer of a triangle."""
     q = [dr.gather(mi.Vector4f, packet, triangle) for packet in planes[:4]]
     owns = mi.UInt32(q[3].w)
     edges = [Edge(q[k].x, q[k].y, q[k].z, q[k].w, (owns & (1 << k)) != 0) for k in range(3)]
-    return edges, mi.Vector3f(q[3].x, q[3].y, q[3].z)
+    return edges, mi.Vector3f(q[3].x, q[3].y, q[3].z), owns >> 3
 
 
 def _reaches(edge: Edge, left: mi.Float, top: mi.Float) -> mi.Bool:
@@ -180,7 +187,7 @@ def _nearest(triangles: Packed, room: int, face_count: int, view: View, tests: P
 @dr.syntax
 def _walk(planes: list[mi.Float], lists: TileLists, view: View, tests: PixelTests) -> mi.UInt32:
     """16 lanes per tile, a column of pixels each: the nearest of the tile's triangles at every pixel."""
-    owner, following, floor = lists.owner, lists.following, tests.floor
+    owner, following, floor, shown_layer = lists.owner, lists.following, tests.floor, tests.layer
     tiles_across, tile_count = _tiles(view)
     lane = dr.arange(mi.UInt32, tile_count * TILE_WIDTH)
     tile = lane // TILE_WIDTH
@@ -203,6 +210,9 @@ def _walk(planes: list[mi.Float], lists: TileLists, view: View, tests: PixelTest
     floors = []
     if dr.hint(floor is not None, mode="scalar"):
         floors = [dr.gather(mi.Float, floor, pixel + k * view.width, inside[k]) for k in range(TILE_HEIGHT)]
+    shown = []
+    if dr.hint(shown_layer is not None, mode="scalar"):
+        shown = [dr.gather(mi.UInt32, shown_layer, pixel + k * view.width, inside[k]) for k in range(TILE_HEIGHT)]
 
     nearest = [mi.Float(nowhere) for _ in range(TILE_HEIGHT)]  # of what passed so far, per pixel
     winner = [mi.UInt32(NONE) for _ in range(TILE_HEIGHT)]  # whose that is
@@ -210,7 +220,7 @@ def _walk(planes: list[mi.Float], lists: TileLists, view: View, tests: PixelTest
     while dr.hint((node != NONE) & open_, label="walk the triangles of a tile"):
         triangle = dr.gather(mi.UInt32, owner, node)
         node = dr.gather(mi.UInt32, following, node)
-        edges, plane = _unpacked(planes, triangle)
+        edges, plane, layer = _unpacked(planes, triangle)
         across = [(px - edge.x) * edge.A for edge in edges]
         least = [dr.select(edge.owns, 0, OPEN_END) for edge in edges]
         g0 = dr.fma(plane.y, px, plane.x)
@@ -227,6 +237,8 @@ def _walk(planes: list[mi.Float], lists: TileLists, view: View, tests: PixelTest
             hit &= (g <= limits[k]) & ((g > nearest[k]) | ((g == nearest[k]) & (triangle < winner[k])))
             if dr.hint(floor is not None, mode="scalar"):
                 hit &= dr.fma(second.z, y, v0) >= floors[k]
+            if dr.hint(shown_layer is not None, mode="scalar"):
+                hit &= layer == shown[k]
             nearest[k] = dr.select(hit, g, nearest[k])
             winner[k] = dr.select(hit, triangle, winner[k])
     return dr.concat(winner)

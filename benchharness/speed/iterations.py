@@ -86,7 +86,7 @@ def _picture(stage: Stage, reflection: Reflection) -> np.ndarray:
     """The iterations of the reflected vertices, drawn where the mirrors show them; float [H, W]."""
     scene, frame, vertices = stage.scene, stage.frame, reflection.vertices
     assert vertices is not None
-    seen = vertexwise.posed(vertexwise.scenery(scene), frame)
+    seen = vertexwise.posed(vertexwise.scenery(scene, []), frame)
     count = seen.triangles.vertex_count
     total, covered = mi.Float(0), mi.Bool(False)
     for i in range(len(scene.reflectors)):

@@ -60,23 +60,26 @@ class Drawing:
 class Target:
     """Where one mirror's images are drawn, one lane per pixel of `view`.
 
-    view  the camera
-    p     the mirror's point
-    own   whether the mirror is seen there
-    back  nearness of the mirror's nearest back (`nearest_back`), behind which nothing is drawn; None if that is not asked
+    view   the camera
+    p      the mirror's point
+    own    whether the mirror is seen there
+    back   nearness of the mirror's nearest back (`nearest_back`), behind which nothing is drawn; None if that is not asked
+    layer  which of several mirrors it is: the number of its part; None where there is one
     """
 
     view: View
     p: mi.Point3f
     own: mi.Bool
     back: mi.Float | None = None
+    layer: mi.UInt32 | None = None
 
 
 class Hider(Protocol):
     """What is asked whether a mirror hides a point of the world: `textures.Texture` or `sight.Shadow`."""
 
     def hides(self, x: mi.Point3f, view: View, active: mi.Bool) -> tuple[mi.Bool, mi.Float]:
-        """Whether it hides x from the eye, and the depth of the mirror there, from `view.depth`."""
+        """Whether it hides x from the eye, and the depth of the mirror there, from `view.depth`; where there are several
+        mirrors, one x per triangle."""
         ...
 
 
@@ -169,7 +172,7 @@ def _cut(images: Images, corners: _Corners, view: View, hider: Hider, made: Asse
     i, k = _turned(corners.index, turn), _turned(kinds, turn)
     pair = k[1] == REFLECTED
     shine = triangles.shine
-    carried = [triangles.attributes]
+    carried = [] if triangles.attributes is None else [triangles.attributes]
     if shine is not None:
         carried += [triangles.points, shine.normals, shine.visibility]
     one, one_offset = _entry(triangles.points, carried, i[0], dr.select(pair, i[2], i[1]), hider, view, mixed)
@@ -190,7 +193,8 @@ def _cut(images: Images, corners: _Corners, view: View, hider: Hider, made: Asse
     lit_from = triangles.points
     if shine is not None:
         lit_from, shine = carried[1], replace(shine, normals=carried[2], visibility=carried[3])
-    lit = geometry.Geometry(lit_from, carried[0], faces, vertex_count + 2 * count, 2 * count, shine)
+    attributes = None if triangles.attributes is None else carried[0]
+    lit = geometry.Geometry(lit_from, attributes, faces, vertex_count + 2 * count, 2 * count, shine)
     bands = None
     if images.unsure is not None:
         bands = _bands(images, view, corners, made.drawn, _Cuts(mixed, pair, turn, _pixel(view, one[0]), _pixel(view, two[0])))

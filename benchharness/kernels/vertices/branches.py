@@ -118,14 +118,14 @@ def solved(
     hider: sight.Shadow,
     back: mi.Float | None,
     drawing: virtual.Drawing,
-    own: Own | None,
+    own: dict[int, Own],
     counters: dict[str, mi.UInt32] | None = None,
 ) -> vertexwise.Solved:
     """What `vertexwise.shown` draws of a mirror.
 
     back      `virtual.nearest_back` of a mirror whose back is never seen, else None
     drawing   how to draw it
-    own       what is asked where the mirror meets itself, or None
+    own       as `vertexwise.Solved` has it
     counters  further work
     """
     return vertexwise.Solved(
@@ -141,11 +141,11 @@ def solved(
     )
 
 
-def meeting(sheet: MirrorMesh, pose: list[mi.Vector4f], own: str, doubts: bool) -> Own | None:
-    """What `vertexwise.Solved.own` is for a mirror that is "black" in itself, or "omitted"; `sheet` is what is seen of it. One
-    that is convex meets itself where its normals are smoother than its facets, which is only doubted."""
+def meeting(i: int, sheet: MirrorMesh, pose: list[mi.Vector4f], own: str, doubts: bool) -> dict[int, Own]:
+    """What `vertexwise.Solved.own` is for mirror number i that is "black" in itself, or "omitted"; `sheet` is what is seen of
+    it. One that is convex meets itself where its normals are smoother than its facets, which is only doubted."""
     black = own == "black" and not sheet.convex
-    return Own(sheet, pose, black) if black or doubts else None
+    return {i: Own(sheet, pose, black)} if black or doubts else {}
 
 
 def _repeated(images: virtual.Images, world: geometry.Geometry, places: int) -> geometry.Geometry:
@@ -155,7 +155,7 @@ def _repeated(images: virtual.Images, world: geometry.Geometry, places: int) -> 
         shine = replace(shine, normals=dr.tile(shine.normals, places), visibility=dr.tile(shine.visibility, places))
     return geometry.Geometry(
         points=dr.tile(world.points, places),
-        attributes=dr.tile(world.attributes, places),
+        attributes=None if world.attributes is None else dr.tile(world.attributes, places),
         faces=_faces(images, world, places),
         vertex_count=places * world.vertex_count,
         face_count=places * world.face_count,

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import geometry, optics, packets
+from benchharness.kernels import geometry, optics
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.types import Frame
 from benchharness.kernels.vertices import meshwalk
@@ -47,15 +47,14 @@ class Pixels:
     lanes          their pixels in the frame
     number         per pixel of the frame, which of the mirrors' it is, NONE for others
     named          the scene's triangle whose image covers it, NONE for none
-    p, d           packets: start and number of the mirror, unit direction
+    rays           that they reflect
     width, height  of the frame
     """
 
     lanes: mi.UInt32
     number: mi.UInt32
     named: mi.UInt32
-    p: mi.Float
-    d: mi.Float
+    rays: Ray
     width: int
     height: int
 
@@ -70,8 +69,7 @@ class Pixels:
 
     def ray(self, which: mi.UInt32, active: mi.Bool | bool = True) -> Ray:
         """The ray of a pixel."""
-        p, d = (dr.gather(mi.Vector4f, buffer, which, active) for buffer in (self.p, self.d))
-        return Ray(mi.Point3f(p.x, p.y, p.z), mi.Vector3f(d.x, d.y, d.z), mi.UInt32(p.w))
+        return Ray(*(dr.gather(type(a), a, which, active) for a in (self.rays.p, self.rays.d, self.rays.part)))
 
 
 @dataclass
@@ -143,18 +141,15 @@ def _first(
 ) -> tuple[Pixels, Hit, mi.Bool]:
     """The rays; what each meets from the triangle that its pixel names; and whether a pixel around names a piece that it does
     not see, or sees something much nearer."""
-    count = dr.width(lanes)
     p, n, v = (dr.gather(type(a), a, lanes) for a in (seen.p, seen.n, seen.v))
     part = asked.objects + mi.UInt32(dr.gather(mi.Int32, seen.reflector, lanes))
-    d = optics.reflect(v, n)
-    hit = meshwalk.walked(asked, Ray(p, d, part), named, Hit(mi.UInt32(NONE), mi.Float(dr.inf)), named != NONE)
+    ray = Ray(mi.Point3f(p), mi.Vector3f(optics.reflect(v, n)), part)
+    hit = meshwalk.walked(asked, ray, named, Hit(mi.UInt32(NONE), mi.Float(dr.inf)), named != NONE)
     pieces = meshwalk.piece(asked, named)
-    pixels = Pixels(
-        lanes, number, named, packets.joined(p, mi.Float(part), count), packets.joined(d, mi.Float(0), count), *size
-    )
+    pixels = Pixels(lanes, number, named, ray, *size)
     dr.eval(pixels, hit, pieces)
 
-    which, sees, differs = dr.arange(mi.UInt32, count), meshwalk.piece(asked, hit.triangle), mi.Bool(False)
+    which, sees, differs = dr.arange(mi.UInt32, dr.width(lanes)), meshwalk.piece(asked, hit.triangle), mi.Bool(False)
     for x, y in AROUND:
         other = pixels.beside(which, x, y)
         inside = other != NONE
@@ -255,12 +250,12 @@ def _key(hit: Hit) -> mi.UInt64:
 @dr.syntax
 def _shown(asked: Asked, pixels: Pixels, triangle: mi.UInt32, walled: mi.Bool) -> Shown:
     """What the triangles that rays meet show."""
-    which, named = dr.arange(mi.UInt32, dr.width(triangle)), pixels.named
+    named = pixels.named
     met, within = triangle != NONE, dr.gather(mi.Bool, walled, pixels.lanes)
     found = met | (within & (named != NONE))
     L, t, mirror = mi.Color3f(0), mi.Float(0), mi.Bool(False)
     if found:
-        ray = pixels.ray(which, found)
+        ray = pixels.rays
         passed = meshwalk.passed_by(asked.world, ray, dr.select(met, triangle, named))
         L, t = geometry.radiance(asked.world, passed.face, passed.weights, ray.p, found), dr.maximum(passed.t, 0)
         found &= met | (passed.t > 0)

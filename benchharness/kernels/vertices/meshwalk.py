@@ -110,20 +110,21 @@ def asks(asked: Asked, ray: Ray, best: Hit, named: Callable[[mi.UInt32], tuple[m
 @dr.syntax
 def walked(asked: Asked, ray: Ray, start: mi.UInt32, best: Hit, active: mi.Bool, steps: int = STEPS) -> Hit:
     """What a ray meets from a triangle on, walking over the edges that it passes, if that is nearer than `best`."""
-    here, before, k, going = mi.UInt32(start), mi.UInt32(NONE), mi.UInt32(0), mi.Bool(active)
+    here, before, k, going, fronts = mi.UInt32(start), mi.UInt32(NONE), mi.UInt32(0), mi.Bool(active), mi.Bool(False)
     while dr.hint(going & (k < steps), label="walk over the edges that a ray passes"):
         passed = passed_by(asked.world, ray, here)
         least = dr.min(passed.sides)
         inside = (least >= -TOUCH * dr.abs(passed.volume)) & (passed.volume != 0)
         # The back of a closed thing is never seen, and a mirror not in itself.
-        counts = ((passed.face.w & raster.CLOSED) == 0) | (passed.volume < 0)
-        counts &= geometry.part_of(passed.face) != ray.part
+        front = ((passed.face.w & raster.CLOSED) == 0) | (passed.volume < 0)
+        counts = front & (geometry.part_of(passed.face) != ray.part)
         nearer = inside & counts & (passed.t > -BEFORE * (1 + dr.max(dr.abs(ray.p)))) & (passed.t < best.t)
         best = dr.select(nearer, Hit(here, dr.abs(dr.maximum(passed.t, 0))), best)  # no -0, which `exact` takes for much
 
-        # Over the outline of a closed thing, and behind what was met already, it is not worth going on.
+        # From the front of a closed thing over its outline, and behind what was met already, it is not worth going on.
         a, b, c = (dr.dot(q, ray.d) for q in passed.corners)
-        going = ~inside & counts & (dr.minimum(dr.minimum(a, b), c) < best.t)
+        going = ~inside & (front | ~fronts) & (dr.minimum(dr.minimum(a, b), c) < best.t)
+        fronts |= front
         beside = dr.gather(mi.Vector4u, asked.beside, here, going)
         there = dr.select(passed.sides.x == least, beside.x, dr.select(passed.sides.y == least, beside.y, beside.z))
         going &= (there != NONE) & (there != before)

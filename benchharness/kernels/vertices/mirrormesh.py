@@ -6,7 +6,8 @@ chosen here, too: points spread over the mesh.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
@@ -20,6 +21,7 @@ CANDIDATES = 192  # points of the mesh that a cold search chooses its start from
 TIED = 1e-3  # share by which one distance is larger than another and counts as equal
 SKEW = (0.519, 0.288, 0.805)  # a direction that no symmetry of a mesh is likely to share
 ROUNDING = 1e-6  # of a mesh's size; mean depth of hollows in a mesh that counts as convex
+SPACING = 4.0  # of the largest mirror's size, between mirrors that are joined
 NEAREST = 1e-5  # of the mirror's size; a vertex nearer to the mirror than this touches it
 
 
@@ -32,6 +34,8 @@ class MirrorMesh:
     faces       4 integers per triangle: three vertices, and `kernels.raster.CLOSED` where its back is never seen
     candidates  triangles spread over the mesh, at whose middles a search may start
     middles     those middles, as `middles_of` has them
+    first       the first of them; not 0 where several meshes are `Joined`, and then
+    tries       how many there are from there on
     centre      the middle of its bounding box
     size        of its bounding box's diagonal
     convex      whether E sees no reflection of V exactly where the mirror stands between them
@@ -43,6 +47,8 @@ class MirrorMesh:
     faces: mi.UInt32
     candidates: mi.UInt32
     middles: mi.Float
+    first: mi.UInt32
+    tries: int
     centre: mi.Point3f
     size: mi.Float
     convex: bool
@@ -75,11 +81,75 @@ def build(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, backs: b
         faces=mi.UInt32(quads.ravel()),
         candidates=candidates,
         middles=middles,
+        first=mi.UInt32(0),
+        tries=len(chosen),
         centre=centre,
         size=size,
         convex=is_convex(vertices, faces),
         closed=bool((tags == raster.CLOSED).all()),
     )
+
+
+@dataclass
+class Joined:
+    """Several convex mirrors in one hierarchy, so that a vertex of each can be searched in one kernel.
+
+    Each has a cell of its own in a space that they share, SPACING of the largest away from the next: what is asked of one is
+    never so far from it.
+
+    mesh   all of them; its `size`, `centre` and `first` have a lane per mirror
+    shift  per mirror, what takes points of its own space to its cell
+    """
+
+    mesh: MirrorMesh
+    shift: mi.Point3f
+
+    def at(self, number: mi.UInt32, pose: list[mi.Vector4f]) -> tuple[MirrorMesh, list[mi.Vector4f]]:
+        """The mirrors `number`, one per lane, and rows of the matrices that take points of their cells to the world. `pose`:
+        those that take points of their own spaces there."""
+        shift, mesh = dr.gather(mi.Point3f, self.shift, number), self.mesh
+        rows = [mi.Vector4f(row.x, row.y, row.z, row.w - dr.dot(row.xyz, shift)) for row in pose]
+        lanes = {name: dr.gather(type(a), a, number) for name in ("size", "centre", "first") for a in [getattr(mesh, name)]}
+        return replace(mesh, **lanes), rows
+
+
+def joined(meshes: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> Joined:
+    """Several convex mirrors, host arrays as `build` takes them."""
+    boxes = [(v.min(axis=0), v.max(axis=0)) for v, _, _ in meshes]
+    across = int(np.ceil(len(meshes) ** (1 / 3)))
+    cells = np.stack(np.unravel_index(np.arange(len(meshes)), (across,) * 3), axis=1) - 0.5 * (across - 1)
+    centres = cells * SPACING * max(float(np.linalg.norm(high - low)) for low, high in boxes)
+    shifts = centres - [0.5 * (low + high) for low, high in boxes]
+    moved = [build(v + shift, n, f) for (v, n, f), shift in zip(meshes, shifts, strict=True)]
+    starts = np.cumsum([0, *(len(v) for v, _, _ in meshes)])
+    triangles = np.cumsum([0, *(len(f) for _, _, f in meshes)])
+    vertices = np.concatenate([v + shift for (v, _, _), shift in zip(meshes, shifts, strict=True)])
+    faces = np.concatenate([f + start for (_, _, f), start in zip(meshes, starts, strict=False)])
+    tries = max(one.tries for one in moved)
+    candidates, middles, quads = [], [], []
+    for one, start, first in zip(moved, starts, triangles, strict=False):
+        again = np.arange(tries) % one.tries
+        candidates.append(np.array(one.candidates)[again] + first)
+        middles.append(np.array(one.middles).reshape(-1, 8)[again])
+        quads.append(np.array(one.faces).reshape(-1, 4) + np.array([start, start, start, 0], np.uint32))
+    sizes, numbers = mi.Float(np.concatenate([np.array(one.size) for one in moved])), np.arange(len(meshes))
+    all_candidates, first = mi.UInt32(np.concatenate(candidates)), mi.UInt32(numbers * tries)
+    middle, shift = mi.Point3f(centres.T), mi.Point3f(shifts.T)
+    dr.make_opaque(sizes, middle, shift, first)
+    mesh = MirrorMesh(
+        scene=mitsuba_mesh.scene(vertices, faces),
+        vertices=mi.Float(np.concatenate([np.array(one.vertices) for one in moved])),
+        faces=mi.UInt32(np.concatenate(quads).astype(np.uint32).ravel()),
+        candidates=all_candidates,
+        middles=mi.Float(np.concatenate(middles).ravel()),
+        first=first,
+        tries=tries,
+        centre=middle,
+        size=sizes,
+        convex=all(one.convex for one in moved),
+        closed=all(one.closed for one in moved),
+    )
+    return Joined(mesh, shift)
 
 
 def spread(vertices: np.ndarray, faces: np.ndarray, count: int) -> np.ndarray:

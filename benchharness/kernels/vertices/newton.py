@@ -225,17 +225,16 @@ def best_candidate(
 ) -> tuple[SurfacePoint, mi.Bool]:
     """The middle of the candidate triangle whose normal is nearest to the half vector, E and V in front if possible, and
     whether a walk is worth it: where `briefly` looked at few, only if any of them is near."""
-    best = mi.UInt32(0)  # the best candidate so far,
+    best = mi.UInt32(0)  # number of the best candidate so far,
     preference = mi.Float(-dr.inf)  # its cosine of half vector and normal, 2 less where E or V is behind,
     cosine_most = mi.Float(-1)  # and the largest cosine of any
-    k, count = mi.UInt32(0), dr.width(mesh.candidates)
-    count = dr.select(briefly, mi.UInt32(min(BRIEFLY, count)), count)
+    k, count = mi.UInt32(0), dr.select(briefly, mi.UInt32(min(BRIEFLY, mesh.tries)), mesh.tries)
     while dr.hint(active & (k < count), label="choose where to start"):
-        cosine, front = mirrormesh.agreement(mesh.middles, k, local)
+        cosine, front = mirrormesh.agreement(mesh.middles, mesh.first + k, local)
         value = cosine - dr.select(front, 0, 2)
         better = value > preference
         best, preference = dr.select(better, k, best), dr.select(better, value, preference)
         cosine_most = dr.maximum(cosine_most, cosine)
         k += 1
-    on = SurfacePoint(dr.gather(mi.UInt32, mesh.candidates, best, active), mi.Point2f(1 / 3))
+    on = SurfacePoint(dr.gather(mi.UInt32, mesh.candidates, mesh.first + best, active), mi.Point2f(1 / 3))
     return on, active & (~mi.Bool(briefly) | (cosine_most > PROMISING))

@@ -17,10 +17,12 @@ CUT_TURN = 0.05  # radians of turn from one frame to the next that make a cut
 
 @dataclass
 class Problem:
-    """What a solver is asked: the reflection points of all vertices of the scene in one mirror.
+    """What a solver is asked: the reflection points of vertices in a mirror, or each in one of a group that is solved together.
 
-    world        the scene in world space
-    part         number of the mirror's part, whose own vertices are not searched
+    world        what is reflected, in world space
+    part         number of the mirror's part, whose own vertices are not searched; one per vertex where mirrors are several
+    mirror       the mirror's number in its group, likewise; None where there is one
+    of_triangles  the same two, one per triangle; None where there is one
     shown_parts  parts from this number on are left out (`vertexwise.Scenery`)
     mirrors      parts from this number on are mirrors, and what shows them is doubted; None where no doubt is asked for
     poses        12 floats per part, as `types.Frame` has them
@@ -31,6 +33,8 @@ class Problem:
 
     world: geometry.Geometry
     part: mi.UInt32
+    mirror: mi.UInt32 | None
+    of_triangles: tuple[mi.UInt32, mi.UInt32] | None
     shown_parts: mi.UInt32
     mirrors: mi.UInt32 | None
     poses: mi.Float
@@ -40,12 +44,12 @@ class Problem:
 
     @property
     def count(self) -> int:
-        """Vertices of the scene."""
+        """Vertices."""
         return self.world.vertex_count
 
     @property
     def pose(self) -> list[mi.Vector4f]:
-        """Rows of the mirror's 3 x 4 object-to-world matrix."""
+        """Rows of the mirror's 3 x 4 object-to-world matrix; of each vertex's mirror where there are several."""
         return placement.pose_of(self.poses, self.part)
 
     def vertices(self) -> tuple[mi.UInt32, mi.Point3f, mi.Bool]:

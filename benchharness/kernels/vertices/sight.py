@@ -11,9 +11,9 @@ import drjit as dr
 import mitsuba as mi
 
 from benchharness.kernels import depths
-from benchharness.kernels.placement import MirrorFrame, mirror_frame
+from benchharness.kernels.placement import MirrorFrame, mirror_frame, pose_of
 from benchharness.kernels.types import View
-from benchharness.kernels.vertices.mirrormesh import NEAREST, MirrorMesh, SurfacePoint
+from benchharness.kernels.vertices.mirrormesh import NEAREST, Joined, MirrorMesh, SurfacePoint
 
 SHADOWED = 1e-4  # of the mirror's size; a vertex is in the mirror's shadow if it is this much behind where its ray meets it
 ROUNDED = 1e-6  # of a ray's length; float32 does not know better where it ends
@@ -41,7 +41,7 @@ class Sight:
 def look_at(mesh: MirrorMesh, local: MirrorFrame, active: mi.Bool) -> Sight:
     """What the eye sees in the direction of each vertex."""
     ray, length = sight_line(mesh, local.eye, local.V)
-    ray.maxt = length + CLOSE * mesh.size
+    ray.maxt = dr.minimum(length + CLOSE * mesh.size, _beyond(mesh, ray))
     hit = mesh.scene.ray_intersect_preliminary(ray, coherent=False, active=active)
     met = active & hit.is_valid()
     before = dr.select(met, length - hit.t, -dr.inf)
@@ -59,6 +59,14 @@ def sight_line(mesh: MirrorMesh, eye: mi.Point3f, p: mi.Point3f) -> tuple[mi.Ray
     outside = dr.dot(mesh.centre - eye, d) > mesh.size
     length = dr.select(outside, dr.dot(p - mesh.centre, d) + mesh.size, length)
     return mi.Ray3f(dr.select(outside, p - length * d, eye), d), length
+
+
+def _beyond(mesh: MirrorMesh, ray: mi.Ray3f) -> mi.Float:
+    """How far along a ray nothing of the mirror comes any more; 0 for a ray that passes it far aside. Other mirrors may."""
+    to_centre = mesh.centre - ray.o
+    along = dr.dot(to_centre, ray.d)
+    aside = dr.squared_norm(to_centre - along * ray.d)
+    return dr.select(aside < dr.square(mesh.size), dr.maximum(along + mesh.size, 0), 0)
 
 
 def located(mesh: MirrorMesh, centre: mi.Point3f, u: mi.Vector3f, active: mi.Bool) -> tuple[SurfacePoint, mi.Bool]:
@@ -104,6 +112,22 @@ class Shadow:
         """Whether the mirror stands between the eye and x, and its depth there, from `view.depth`; x on it is not hidden."""
         local = mirror_frame(self.pose, x, view)
         ray, length = sight_line(self.mesh, local.eye, local.V)
-        ray.maxt = length - NEAREST * self.mesh.size - ROUNDED * length
+        ray.maxt = dr.minimum(length - NEAREST * self.mesh.size - ROUNDED * length, _beyond(self.mesh, ray))
         hit = self.mesh.scene.ray_intersect_preliminary(ray, coherent=True, active=active)
         return hit.is_valid(), depths.offset(view, x) - (length - hit.t) * dr.dot(local.w.xyz, ray.d)
+
+
+@dataclass
+class Shadows:
+    """Mirrors that are joined, with the poses of all parts, asked whether each lane's, number `mirror` and part `part`, hides a
+    point of the world."""
+
+    mirrors: Joined
+    poses: mi.Float
+    part: mi.UInt32
+    mirror: mi.UInt32
+
+    def hides(self, x: mi.Point3f, view: View, active: mi.Bool) -> tuple[mi.Bool, mi.Float]:
+        """As `Shadow.hides`, one x per lane."""
+        mesh, pose = self.mirrors.at(self.mirror, pose_of(self.poses, self.part))
+        return Shadow(mesh, pose).hides(x, view, active)

@@ -1,22 +1,23 @@
 """What all methods share that move vertices: in each mirror, find every vertex's image, draw the images, put them together.
 
-A method brings the finding: it solves one `Problem` per mirror.
+A method brings the finding: it solves one `Problem` per mirror, or per group of mirrors that it can solve together.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Protocol
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
 from benchharness.kernels import geometry, optics, passage, surroundings
 from benchharness.kernels import pixels as spreading
 from benchharness.kernels.frozen import frozen
-from benchharness.kernels.types import Frame, Reflection, SceneLike, Vertices, View
-from benchharness.kernels.vertices import adjacency, exact, meshwalk, textures, virtual
+from benchharness.kernels.types import Frame, MeshLike, Reflection, SceneLike, Vertices, View
+from benchharness.kernels.vertices import adjacency, drawlist, exact, meshwalk, textures, virtual
 from benchharness.kernels.vertices.problems import UNKNOWN, Problem
 
 
@@ -31,6 +32,9 @@ class Scenery:
     enclosed      per reflector, `benchharness.scene.Scene.enclosed`
     boxes         that hold all parts; None without surroundings
     beside        `adjacency.neighbours`, None where no ray asks
+    groups        numbers of the mirrors that are solved together
+    stock         what the groups' draw lists are made of; None where each mirror is alone and searches the scene as it is
+    lod_px        pixels that what levels of detail leave out may be seen large
     """
 
     triangles: geometry.Geometry
@@ -40,10 +44,13 @@ class Scenery:
     enclosed: tuple[bool, ...]
     boxes: passage.Boxes | None
     beside: mi.UInt32 | None
+    groups: list[list[int]]
+    stock: drawlist.Stock | None
+    lod_px: float
 
-    def parts_shown(self, others: str) -> mi.UInt32:
+    def parts_shown(self, others: str) -> int:
         """Parts from this number on are left out: other mirrors are shown "black" or "omitted"."""
-        return dr.opaque(mi.UInt32, self.objects if others == "omitted" else 0xFFFF_FFFF)
+        return self.objects if others == "omitted" else 0x7FFF_FFFF
 
 
 class SelfMeeting(Protocol):
@@ -57,8 +64,16 @@ class SelfMeeting(Protocol):
 
 
 @dataclass
+class Kept:
+    """What the next frame needs of a group of mirrors: where its searches ended, and in which draw list."""
+
+    end: Any
+    choice: drawlist.Choice | None
+
+
+@dataclass
 class Solved:
-    """One mirror's images.
+    """The images in a group of mirrors.
 
     images     virtual vertices
     end        what the next frame starts from
@@ -70,7 +85,7 @@ class Solved:
                hidden: the mirror is convex, and no triangle is dropped
     counters   further work, integers per vertex
     triangles  what the images are of where a vertex has several (`branches`), None for the scene itself
-    own        what is asked where the mirror meets itself, None for what does not ask
+    own        per number of a mirror, what is asked where it meets itself; those that do not ask are missing
     """
 
     images: virtual.Images
@@ -82,17 +97,42 @@ class Solved:
     whole: bool = False
     counters: dict[str, mi.UInt32] = field(default_factory=dict)
     triangles: geometry.Geometry | None = None
-    own: SelfMeeting | None = None
+    own: dict[int, SelfMeeting] = field(default_factory=dict)
 
 
-def scenery(scene: SceneLike, resolve: str = "interpolate") -> Scenery:
-    """What a `benchharness.scene.Scene` shows, uploaded. `resolve`: what pixels show, "interpolate" or "ray"."""
+def check(resolve: str, lod_px: float, name: str) -> None:
+    """Raises ValueError for levels of detail where nothing shows the parts themselves."""
+    if lod_px > 0 and resolve != "ray":
+        raise ValueError(f'{name}: lod_px {lod_px:g} with resolve "{resolve}"; accepted: 0, or "ray"')
+
+
+def scenery(
+    scene: SceneLike,
+    searched: Sequence[MeshLike],
+    resolve: str = "interpolate",
+    lod_px: float = 0.0,
+    groups: list[list[int]] | None = None,
+) -> Scenery:
+    """What a `benchharness.scene.Scene` shows, uploaded.
+
+    searched  the mesh of each mirror that is searched
+    resolve   what pixels show, "interpolate" or "ray"
+    lod_px    as `Scenery` has it
+    groups    likewise; None for each mirror alone
+    """
     triangles = geometry.of_scene(scene)
     any_light = scene.environment is not None or max(scene.background) > 0
     around = surroundings.of_scene(scene) if any_light and not all(scene.enclosed) else None
     boxes = None if around is None else passage.of_scene(scene)
     beside = adjacency.neighbours(scene) if resolve == "ray" else None
-    return Scenery(triangles, triangles, around, len(scene.objects), tuple(scene.enclosed), boxes, beside)
+    groups = [[i] for i in range(len(scene.reflectors))] if groups is None else groups
+    stock = None
+    if resolve == "ray":
+        stock = drawlist.stock(scene, searched, "simplified" if lod_px > 0 else "joined")
+    elif any(len(group) > 1 for group in groups):
+        stock = drawlist.stock(scene, searched, "whole")
+    enclosed = tuple(scene.enclosed)
+    return Scenery(triangles, triangles, around, len(scene.objects), enclosed, boxes, beside, groups, stock, lod_px)
 
 
 def posed(seen: Scenery, frame: Frame) -> Scenery:
@@ -103,45 +143,50 @@ def posed(seen: Scenery, frame: Frame) -> Scenery:
 def shown(
     seen: Scenery,
     frame: Frame,
-    solve: Callable[[int, Problem], Solved],
+    solve: Callable[[int, Problem, Any], Solved],
     *,
     other_mirrors: str,
     max_iter: int,
     last_view: View | None,
-) -> tuple[Reflection, list]:
-    """The reflection in all mirrors, each drawn in its own part of the picture, and per mirror what the next frame starts from.
+    last: Sequence[Kept],
+    cold: Callable[[int], Any],
+) -> tuple[Reflection, list[Kept]]:
+    """The reflection in all mirrors, and per group of mirrors what the next frame starts from.
 
-    solve          solves the problem of mirror number i
+    solve          solves the problem of group number g, from what it ended with in the last frame
     other_mirrors  as `Scenery.parts_shown` has them
     last_view      the camera of the last frame, None if nothing is known of it
+    last           what was kept of the last frame
+    cold           what there is to start from where nothing is known, of so many vertices
     """
+    parts = seen.parts_shown(other_mirrors)
     problem = Problem(
         world=seen.world,
-        part=mi.UInt32(0),  # of each mirror in turn
-        shown_parts=seen.parts_shown(other_mirrors),
+        part=mi.UInt32(0),  # of each group in turn
+        mirror=None,
+        of_triangles=None,
+        shown_parts=dr.opaque(mi.UInt32, parts),
         mirrors=dr.opaque(mi.UInt32, seen.objects) if frame.doubts else None,
         poses=frame.poses,
         view=frame.view,
         last_view=frame.view if last_view is None else last_view,
         max_iter=dr.opaque(mi.UInt32, max_iter),
     )
-    solved, drawn = [], []
-    for i in range(len(frame.proxies)):
-        part = dr.opaque(mi.UInt32, seen.objects + i)
-        one = solve(i, replace(problem, part=part))
-        window, layer = textures.window(frame.view, frame.boxes[i], 1.0), dr.opaque(mi.Int32, i)
-        pixel, target = _within(window, frame.view.width, frame.p, frame.reflector, layer, one.back)
-        nearest = virtual.nearest(one.images, one.triangles or seen.world, part, target, one.drawing, one.hider)
+    solved, drawn, kept = [], [], []
+    for g, group in enumerate(seen.groups):
+        before = last[g] if last_view is not None else None
+        one, picture, choice = _drawn(seen, frame, problem, group, lambda p, end, g=g: solve(g, p, end), parts, before, cold)
         solved.append(one)
-        drawn.append(_Drawn(pixel, target, nearest, one.drawing.depth))
+        drawn.append(picture)
+        kept.append(Kept(one.end, choice))
     picture = _interpolated(frame, drawn) if seen.beside is None else _by_rays(seen, seen.beside, frame, drawn)
     L, distance, found, doubt = picture.L, picture.distance, picture.found, picture.doubt
-    for i, one in enumerate(solved):
-        if one.own is not None:
-            met, t = one.own.meets(frame, distance, found, frame.reflector == i)
+    for one in solved:
+        for i, own in one.own.items():
+            met, t = own.meets(frame, distance, found, frame.reflector == i)
             if doubt is not None:
                 doubt |= met
-            if one.own.black:
+            if own.black:
                 L, distance, found = dr.select(met, 0, L), dr.select(met, t, distance), found | met
     if seen.surroundings is not None:
         # What no triangle covers is the surroundings where a ray can come from there, else unanswered.
@@ -149,20 +194,61 @@ def shown(
         far = _reflected(seen.surroundings, frame.v, frame.n, sky)
         L, distance, found = dr.select(sky, far, L), dr.select(sky, dr.inf, distance), found | sky
         if doubt is not None:
-            doubt |= _may_be_lost(seen, frame, solved, sky)
-    vertices, counters = _reported(solved)
-    return Reflection(L, distance, found, vertices, {**counters, **picture.counters}, doubt), [one.end for one in solved]
+            doubt |= _may_be_lost(seen, frame, drawn, solved, sky)
+    vertices, counters = _reported(seen, solved, kept)
+    return Reflection(L, distance, found, vertices, {**counters, **picture.counters}, doubt), kept
+
+
+def _drawn(
+    seen: Scenery,
+    frame: Frame,
+    problem: Problem,
+    group: list[int],
+    solve: Callable[[Problem, Any], Solved],
+    parts: int,
+    last: Kept | None,
+    cold: Callable[[int], Any],
+) -> tuple[Solved, _Drawn, drawlist.Choice | None]:
+    """A group of mirrors: what was solved, its images drawn, and the draw list."""
+    choice, stock, part = None, seen.stock, dr.opaque(mi.UInt32, seen.objects + group[0])
+    end = None if last is None else last.end
+    if stock is not None:
+        old = None if last is None else last.choice
+        choice = drawlist.chosen(stock, group, frame, seen.objects, parts, seen.lod_px, old)
+        made = choice.made
+        if end is not None and old is not None and old is not choice:
+            end = drawlist.carried(end, cold(made.vertex_count), old, choice, stock)
+        world = drawlist.world_of(stock.points, made, frame.poses, seen.world, carries=seen.beside is None)
+        problem = replace(problem, world=world)
+    if choice is not None and len(group) > 1:
+        made = choice.made
+        problem = replace(problem, part=made.part, mirror=made.mirror, of_triangles=(made.face_part, made.face_mirror))
+    else:
+        problem = replace(problem, part=part)
+    one = solve(problem, cold(problem.count) if end is None else end)
+    boxes = np.array([frame.boxes[i] for i in group])
+    box = tuple(map(int, (*boxes[:, :2].min(axis=0), *boxes[:, 2:].max(axis=0))))
+    window = textures.window(frame.view, box, 1.0)
+    members = mi.UInt32([int(i in group) for i in range(len(seen.enclosed))])
+    layer = dr.opaque(mi.UInt32, seen.objects) if len(group) > 1 else None
+    pixel, target = _within(window, frame.view.width, frame.p, frame.reflector, members, layer, one.back)
+    owner = part if problem.of_triangles is None else problem.of_triangles[0]
+    nearest = virtual.nearest(one.images, one.triangles or problem.world, owner, target, one.drawing, one.hider)
+    return one, _Drawn(pixel, target, nearest, one.drawing.depth, problem, group, choice), choice
 
 
 @dataclass
 class _Drawn:
-    """One mirror's images drawn: the pixels of its part of the picture, what is there, the nearest virtual triangles, and how
-    to interpolate them."""
+    """A group's images drawn: the pixels of its part of the picture, what is there, the nearest virtual triangles, how to
+    interpolate them, and what they came of."""
 
     pixel: mi.UInt32
     target: virtual.Target
     nearest: virtual.Nearest
     depth: str
+    problem: Problem
+    group: list[int]
+    choice: drawlist.Choice | None
 
 
 def _interpolated(frame: Frame, drawn: list[_Drawn]) -> Reflection:
@@ -191,7 +277,8 @@ def _by_rays(seen: Scenery, beside: mi.UInt32, frame: Frame, drawn: list[_Drawn]
     names = dr.full(mi.UInt32, adjacency.NONE, dr.width(frame.pixels))
     for one in drawn:
         own = one.target.own
-        named = virtual.named(one.nearest, one.target, seen.world.face_count)
+        assert one.choice is not None
+        named = virtual.named(one.nearest, one.target, one.choice.made.names)
         dr.scatter(names, named, dr.gather(mi.UInt32, number, one.pixel, own), own)
     asked = meshwalk.Asked(seen.world, beside, dr.opaque(mi.UInt32, seen.objects))
     shows, pixels = exact.shown(asked, frame, number, names, frame.active & passage.walled(seen.enclosed, frame.reflector))
@@ -200,24 +287,43 @@ def _by_rays(seen: Scenery, beside: mi.UInt32, frame: Frame, drawn: list[_Drawn]
     return Reflection(mi.Color3f(x, y, z), distance, frame.active & found, None, {"unmet": mi.UInt32(shows.unmet)}, doubt)
 
 
-def _reported(solved: list[Solved]) -> tuple[Vertices, dict[str, mi.UInt32]]:
-    """What was found of the vertices in all mirrors, and the counters."""
-    vertices = _joined_vertices([one.vertices for one in solved])
-    most = max(len(one.vertices.further) for one in solved)
-    vertices.further = [_joined_vertices([_place(one.vertices, k) for one in solved]) for k in range(most)]
+def _reported(seen: Scenery, solved: list[Solved], kept: list[Kept]) -> tuple[Vertices, dict[str, mi.UInt32]]:
+    """What was found of the vertices of the scene in all mirrors, and the counters."""
+    found: dict[int, Vertices] = {}
+    for group, one, keeps in zip(seen.groups, solved, kept, strict=True):
+        for k, i in enumerate(group):
+            found[i] = one.vertices
+            if keeps.choice is not None and seen.stock is not None:
+                found[i] = _of_scene(one.vertices, drawlist.lanes(keeps.choice, seen.stock, k))
+    parts = [found[i] for i in sorted(found)]
+    vertices = _joined_vertices(parts)
+    most = max(len(part.further) for part in parts)
+    vertices.further = [_joined_vertices([_place(part, k) for part in parts]) for k in range(most)]
     names = dict.fromkeys(name for one in solved for name in one.counters)
     counters = {name: _joined([_counted(one, name) for one in solved]) for name in names}
-    return vertices, {"iterations": vertices.iterations, **counters}
+    iterations = _joined([one.vertices.iterations for one in solved])
+    return vertices, {"iterations": iterations, **counters}
 
 
-def _may_be_lost(seen: Scenery, frame: Frame, solved: list[Solved], sky: mi.Bool) -> mi.Bool:
+def _of_scene(found: Vertices, lanes: mi.UInt32) -> Vertices:
+    """What was found of the scene's vertices, zeros of those that were not searched. `lanes`: as `drawlist.lanes` has them."""
+    known = lanes != drawlist.NONE
+    arrays = {name: dr.gather(type(a), a, lanes, known) for name in NAMES for a in [getattr(found, name)]}
+    return Vertices(**arrays, further=[_of_scene(one, lanes) for one in found.further])
+
+
+def _may_be_lost(seen: Scenery, frame: Frame, drawn: list[_Drawn], solved: list[Solved], sky: mi.Bool) -> mi.Bool:
     """Where nothing is drawn, and a triangle may be missing: one that has no image, and is in the way of the reflected ray."""
     assert seen.boxes is not None
-    part = dr.gather(mi.Float, seen.world.points, 4 * dr.arange(mi.UInt32, seen.world.vertex_count) + 3)
     asked = mi.Bool(False)
-    for i, one in enumerate(solved):
+    for picture, one in zip(drawn, solved, strict=True):
+        problem = picture.problem
+        lane = dr.arange(mi.UInt32, problem.count)
+        part = dr.gather(mi.Float, problem.world.points, 4 * lane + 3)
         unknown = (one.vertices.region == UNKNOWN) & (part < seen.objects)
-        asked |= (frame.reflector == i) & (dr.any(unknown) if one.whole else mi.Bool(True))
+        for k, i in enumerate(picture.group):
+            mine = unknown if problem.mirror is None else unknown & (problem.mirror == k)
+            asked |= (frame.reflector == i) & (dr.any(mine) if one.whole else mi.Bool(True))
     own = mi.UInt32(dr.maximum(frame.reflector, 0)) + seen.objects
     return passage.meets(seen.boxes, frame.poses, own, frame.p, optics.reflect(frame.v, frame.n), sky & asked)
 
@@ -263,14 +369,27 @@ def _looked_up(around: surroundings.Surroundings, v: mi.Vector3f, n: mi.Normal3f
 
 @frozen
 def _within(
-    window: textures.Window, width: int, p: mi.Point3f, reflector: mi.Int32, layer: mi.Int32, back: mi.Float | None
+    window: textures.Window,
+    width: int,
+    p: mi.Point3f,
+    reflector: mi.Int32,
+    members: mi.UInt32,
+    first: mi.UInt32 | None,
+    back: mi.Float | None,
 ) -> tuple[mi.UInt32, virtual.Target]:
-    """The pixels that a window covers, in its order, and what is there of mirror number `layer`."""
+    """The pixels that a window covers, in its order, and what is there of mirrors.
+
+    members  per mirror of the scene, 1 for those that are meant
+    first    the part of the scene's first mirror where `virtual.Target.layer` is wanted, else None
+    """
     lane = dr.arange(mi.UInt32, window.view.width * window.view.height)
     row = lane // window.view.width
     pixel = (row + mi.UInt32(window.top)) * width + lane - row * window.view.width + mi.UInt32(window.left)
-    own, p = dr.gather(mi.Int32, reflector, pixel) == layer, dr.gather(mi.Point3f, p, pixel)
-    return pixel, virtual.Target(window.view, p, own, None if back is None else dr.gather(mi.Float, back, pixel))
+    number, p = dr.gather(mi.Int32, reflector, pixel), dr.gather(mi.Point3f, p, pixel)
+    own = number >= 0
+    own &= dr.gather(mi.UInt32, members, mi.UInt32(number), own) == 1
+    layer = None if first is None else mi.UInt32(dr.maximum(number, 0)) + first
+    return pixel, virtual.Target(window.view, p, own, None if back is None else dr.gather(mi.Float, back, pixel), layer)
 
 
 def _joined(arrays: list):

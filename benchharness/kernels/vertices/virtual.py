@@ -69,15 +69,18 @@ def nearest(
     """Which virtual triangles one mirror shows.
 
     triangles  the scene in world space; from `geometry.placed`, so that highlights are those that each pixel's `p` sees
-    part       number of the mirror's part, which does not show itself
+    part       number of the mirror's part, which does not show itself; per triangle where there are several mirrors
     hider      what is asked whether the mirror hides a point; needed for "cut"
     """
     view = target.view
     made = assembled(images, triangles, part, target, drawing, hider)
     shown = made.triangles
     least = None if made.nearness is None or target.back is None else (made.nearness, target.back)
+    layers = None
+    if target.layer is not None:  # what was cut comes once more
+        layers = (part if shown.face_count == triangles.face_count else dr.concat([part, part]), target.layer)
     visibility = raster.rasterize(
-        made.points, shown.faces, shown.face_count, view, limit=made.limit, least=least, drawn=made.drawn
+        made.points, shown.faces, shown.face_count, view, limit=made.limit, least=least, layers=layers, drawn=made.drawn
     )
     spans = images.at if drawing.depth == "screen_linear" else made.points
     return Nearest(visibility, spans, shown, made.bands)
@@ -135,8 +138,10 @@ def _interpolated(shown: Nearest, target: Target, banded: mi.UInt32 | None, dept
 
 
 @frozen
-def named(shown: Nearest, target: Target, face_count: int) -> mi.UInt32:
-    """Of which of the scene's triangles the nearest are images, `raster.NONE` where there is none."""
+def named(shown: Nearest, target: Target, names: mi.UInt32) -> mi.UInt32:
+    """What the nearest triangles are called, `raster.NONE` where there is none. `names`: of the triangles, whose images come
+    once or several times, in their order."""
     pixel = dr.arange(mi.UInt32, target.view.width * target.view.height)
     triangle = raster.winner_at(shown.visibility, target.view, pixel, target.own)
-    return dr.select(target.own & (triangle != raster.NONE), triangle % face_count, raster.NONE)
+    there = target.own & (triangle != raster.NONE)
+    return dr.select(there, dr.gather(mi.UInt32, names, triangle % dr.width(names), there), raster.NONE)
