@@ -21,26 +21,26 @@ class Problem:
 
     world        what is reflected, in world space
     part         number of the mirror's part, whose own vertices are not searched; one per vertex where mirrors are several
-    mirror       the mirror's number in its group, likewise; None where there is one
-    of_triangles  the same two, one per triangle; None where there is one
     shown_parts  parts from this number on are left out (`vertexwise.Scenery`)
     mirrors      parts from this number on are mirrors, and what shows them is doubted; None where no doubt is asked for
     poses        12 floats per part, as `types.Frame` has them
     view         the camera
     last_view    the camera that the last ends were found with; the same as `view` where there are none
     max_iter     steps after which a search gives up
+    mirror       the mirror's number in its group, per vertex; None where there is one
+    of_triangles  per triangle, part and number of its mirror; None where there is one
     """
 
     world: geometry.Geometry
     part: mi.UInt32
-    mirror: mi.UInt32 | None
-    of_triangles: tuple[mi.UInt32, mi.UInt32] | None
     shown_parts: mi.UInt32
     mirrors: mi.UInt32 | None
     poses: mi.Float
     view: View
     last_view: View
     max_iter: mi.UInt32
+    mirror: mi.UInt32 | None = None
+    of_triangles: tuple[mi.UInt32, mi.UInt32] | None = None
 
     @property
     def count(self) -> int:

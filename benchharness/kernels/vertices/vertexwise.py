@@ -163,8 +163,6 @@ def shown(
     problem = Problem(
         world=seen.world,
         part=mi.UInt32(0),  # of each group in turn
-        mirror=None,
-        of_triangles=None,
         shown_parts=dr.opaque(mi.UInt32, parts),
         mirrors=dr.opaque(mi.UInt32, seen.objects) if frame.doubts else None,
         poses=frame.poses,
