@@ -229,3 +229,14 @@ def test_points_and_weights_are_perspective_correct():
     assert hit.sum() > 500
     np.testing.assert_allclose(p[hit], expected[hit], atol=2e-5)
     np.testing.assert_allclose(weights[hit] @ vertices, expected[hit], atol=2e-5)
+
+
+def test_a_triangle_is_drawn_in_its_own_layer_alone():
+    width, height = 40, 24
+    corners = np.array([(-5.0, -5.0), (100.0, -5.0), (-5.0, 100.0)])
+    points = np.concatenate([at_pixels(corners, np.full(3, depth), width, height) for depth in (2.0, 2.5)])
+    triangles = np.arange(6).reshape(2, 3)
+    there = np.where(np.tile(np.arange(width), height) < 20, 7, 1_000_000).astype(np.uint32)
+    shown = drawn(points, triangles, width, height, layers=(mi.UInt32([7, 1_000_000]), mi.UInt32(there)))
+    assert (shown[:, :20] == 0).all() and (shown[:, 20:] == 1).all()
+    assert (drawn(points, triangles, width, height) == 0).all()

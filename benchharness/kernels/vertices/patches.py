@@ -31,11 +31,13 @@ UNBOUNDED = 0.25  # of a flat mirror's distance: a mirror that brings things nea
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """Of one mirror, in its own space: balls [N, 3] and [N], axes of the cones [N, 3], their half angles [N] in radians, least
-    and greatest curvatures [N] in 1 / length; and the mirror's size."""
+    """Of one mirror, in its own space: balls [N, 3] and [N], how far out of the plane through a ball's centre its patch reaches
+    along any of its normals [N], axes of the cones [N, 3], their half angles [N] in radians, least and greatest curvatures [N]
+    in 1 / length; and the mirror's size."""
 
     centre: np.ndarray
     radius: np.ndarray
+    height: np.ndarray
     axis: np.ndarray
     cone: np.ndarray
     flattest: np.ndarray
@@ -78,7 +80,9 @@ def _patch(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray) -> tupl
     ends = np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)])
     along, turn = (a[ends[:, 1]] - a[ends[:, 0]] for a in (vertices, normals))
     bent = (along * turn).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-30)
-    return *_ball(vertices[faces]), axis, cone, *np.quantile(bent, (EXTREME, 1 - EXTREME))
+    centre, radius = _ball(vertices[faces])
+    height = np.abs((vertices[faces] - centre) @ axis).max() + radius * np.sin(min(cone, 0.5 * np.pi))
+    return centre, radius, min(float(height), radius), axis, cone, *np.quantile(bent, (EXTREME, 1 - EXTREME))
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,14 +113,16 @@ def looked_at(patches: Patches, pose: np.ndarray, eye: np.ndarray, focal: float,
     turn, centres, radii = pose[:, :3], balls[:, :3], balls[:, 3]
     P, axis = patches.centre @ turn.T + pose[:, 3], patches.axis @ turn.T
     to_eye = eye - P
-    D = np.maximum(np.linalg.norm(to_eye, axis=1) - patches.radius, 1e-12)
-    seen = _may_face(axis, to_eye, patches.cone, patches.radius)
+    away = np.linalg.norm(to_eye, axis=1)
+    D = np.maximum(away - patches.radius, 1e-12)
+    seen = _may_face(axis, to_eye, patches.cone, patches.height)
     to_ball = centres[None] - P[:, None]
-    reach = radii[None] + patches.radius[:, None]
-    d = np.maximum(np.linalg.norm(to_ball, axis=2) - reach, 0)
-    shown = seen[:, None] & _may_face(axis[:, None], to_ball, patches.cone[:, None], reach)
-    flat = D[:, None] + d
-    near = flat + 2 * patches.flattest[:, None] * d * D[:, None]
+    between, reach = np.linalg.norm(to_ball, axis=2), radii[None] + patches.radius[:, None]
+    d = np.maximum(between - reach, 0)
+    shown = seen[:, None] & _may_face(axis[:, None], to_ball, patches.cone[:, None], radii[None] + patches.height[:, None])
+    flat, flattest = D[:, None] + d, patches.flattest[:, None]
+    farthest = (between + reach) * (away + patches.radius)[:, None]
+    near = flat + 2 * np.where(flattest < 0, flattest * farthest, flattest * d * D[:, None])
     scale = np.where(near > UNBOUNDED * flat, focal / np.where(near > 0, near, 1), 1e30)
     sagitta = 0.25 * np.maximum(np.abs(patches.flattest), np.abs(patches.sharpest)) * D / focal
     return Sight(np.where(shown, scale, 0), sagitta, focal * patches.size / float(D.min()))
