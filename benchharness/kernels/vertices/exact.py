@@ -6,7 +6,7 @@ reflects is intersected with that triangle where it lies in the scene. If it pas
 next triangle of the mesh, and so on (`meshwalk`). Of all that a ray meets, the nearest is shown, with exact
 weights, distance and highlight. There are four passes, the later ones for few pixels:
 
-1. Every pixel asks the triangle that it names.
+1. Every pixel asks the triangle that it names, and a small one whose image lies in it and may cover no pixel (`slivers`).
 2. Where one of the eight pixels around names another *piece* of the scene than the pixel sees (a piece is all triangles that
    hang together), or sees the same one much nearer, and where nothing was met, what those eight name is asked.
 3. Where a pixel now sees another piece than it names, its image is off by some pixels. The rays of 32 pixels around it, up to
@@ -73,6 +73,15 @@ class Pixels:
 
 
 @dataclass
+class Named:
+    """What each of the mirrors' pixels names, triangles of the scene, NONE for none: the one whose image covers it, and a small
+    one whose image is in it (`slivers`)."""
+
+    covering: mi.UInt32
+    small: mi.UInt32
+
+
+@dataclass
 class Shown:
     """What the mirrors' pixels show, one lane each.
 
@@ -99,11 +108,10 @@ def numbers(lanes: mi.UInt32, count: int) -> mi.UInt32:
     return number
 
 
-def shown(asked: Asked, frame: Frame, number: mi.UInt32, named: mi.UInt32, walled: mi.Bool) -> tuple[Shown, Pixels]:
+def shown(asked: Asked, frame: Frame, number: mi.UInt32, named: Named, walled: mi.Bool) -> tuple[Shown, Pixels]:
     """What the mirrors' pixels show, at least one, and what of them was asked.
 
     number  as `numbers` has it
-    named   as `Pixels` has it
     walled  per pixel of the frame, where a ray always meets something. One that meets no candidate is taken to show a point of
             the triangle that its pixel names, near where it passes; elsewhere it has no answer
 
@@ -137,16 +145,18 @@ class _Seen:
 
 @frozen
 def _first(
-    asked: Asked, seen: _Seen, lanes: mi.UInt32, number: mi.UInt32, named: mi.UInt32, size: tuple[int, int]
+    asked: Asked, seen: _Seen, lanes: mi.UInt32, number: mi.UInt32, named: Named, size: tuple[int, int]
 ) -> tuple[Pixels, Hit, mi.Bool]:
-    """The rays; what each meets from the triangle that its pixel names; and whether a pixel around names a piece that it does
+    """The rays; what each meets from the triangles that its pixel names; and whether a pixel around names a piece that it does
     not see, or sees something much nearer."""
     p, n, v = (dr.gather(type(a), a, lanes) for a in (seen.p, seen.n, seen.v))
     part = asked.objects + mi.UInt32(dr.gather(mi.Int32, seen.reflector, lanes))
     ray = Ray(mi.Point3f(p), mi.Vector3f(optics.reflect(v, n)), part)
-    hit = meshwalk.walked(asked, ray, named, Hit(mi.UInt32(NONE), mi.Float(dr.inf)), named != NONE)
-    pieces = meshwalk.piece(asked, named)
-    pixels = Pixels(lanes, number, named, ray, *size)
+    hit = meshwalk.walked(asked, ray, named.covering, Hit(mi.UInt32(NONE), mi.Float(dr.inf)), named.covering != NONE)
+    other = (named.small != NONE) & (meshwalk.piece(asked, named.small) != meshwalk.piece(asked, hit.triangle))
+    hit = meshwalk.walked(asked, ray, named.small, hit, other)
+    pieces = meshwalk.piece(asked, named.covering)
+    pixels = Pixels(lanes, number, named.covering, ray, *size)
     dr.eval(pixels, hit, pieces)
 
     which, sees, differs = dr.arange(mi.UInt32, dr.width(lanes)), meshwalk.piece(asked, hit.triangle), mi.Bool(False)

@@ -272,14 +272,17 @@ def _by_rays(seen: Scenery, beside: mi.UInt32, frame: Frame, drawn: list[_Drawn]
         doubt = dr.zeros(mi.Bool, count) if frame.doubts else None
         return Reflection(mi.Color3f(nothing), nothing, dr.zeros(mi.Bool, count), None, {"unmet": mi.UInt32(0)}, doubt)
     number = exact.numbers(frame.pixels, count)
-    names = dr.full(mi.UInt32, adjacency.NONE, dr.width(frame.pixels))
+    covering, small = (dr.full(mi.UInt32, adjacency.NONE, dr.width(frame.pixels)) for _ in range(2))
     for one in drawn:
-        own = one.target.own
         assert one.choice is not None
-        named = virtual.named(one.nearest, one.target, one.choice.made.names)
-        dr.scatter(names, named, dr.gather(mi.UInt32, number, one.pixel, own), own)
+        own, called = one.target.own, virtual.named(one.nearest, one.target, one.choice.made.names)
+        lane = dr.gather(mi.UInt32, number, one.pixel, own)
+        for names, named in zip((covering, small), called, strict=True):
+            dr.scatter(names, named, lane, own)
     asked = meshwalk.Asked(seen.world, beside, dr.opaque(mi.UInt32, seen.objects))
-    shows, pixels = exact.shown(asked, frame, number, names, frame.active & passage.walled(seen.enclosed, frame.reflector))
+    shows, pixels = exact.shown(
+        asked, frame, number, exact.Named(covering, small), frame.active & passage.walled(seen.enclosed, frame.reflector)
+    )
     x, y, z, distance, found = spreading.spread([*shows.L, shows.distance, shows.found], frame.pixels, frame.view)
     doubt = exact.doubted(shows, pixels) if frame.doubts else None
     return Reflection(mi.Color3f(x, y, z), distance, frame.active & found, None, {"unmet": mi.UInt32(shows.unmet)}, doubt)

@@ -19,7 +19,7 @@ import mitsuba as mi
 from benchharness.kernels import depths, geometry, raster
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.types import Surface, View
-from benchharness.kernels.vertices import bent, textures
+from benchharness.kernels.vertices import bent, slivers, textures
 from benchharness.kernels.vertices.assembly import HIDDEN as HIDDEN
 from benchharness.kernels.vertices.assembly import NONE as NONE
 from benchharness.kernels.vertices.assembly import REFLECTED as REFLECTED
@@ -55,12 +55,14 @@ class Nearest:
     spans       the points that triangles lie between, in whose plane what they carry is interpolated
     triangles   what they are images of; their number t is an image of the scene's number t % face_count
     bands       None where no doubt is asked for
+    small       per pixel the nearest small triangle, as `slivers` has it; None but where triangles are only named
     """
 
     visibility: mi.UInt32
     spans: mi.Float
     triangles: geometry.Geometry
     bands: bent.Bands | None
+    small: mi.UInt32 | None
 
 
 def nearest(
@@ -82,8 +84,11 @@ def nearest(
     visibility = raster.rasterize(
         made.points, shown.faces, shown.face_count, view, limit=made.limit, least=least, layers=layers, drawn=made.drawn
     )
+    small = None
+    if triangles.attributes is None:
+        small = slivers.slivers(made.points, shown.faces, shown.face_count, view, made.limit, layers, made.drawn)
     spans = images.at if drawing.depth == "screen_linear" else made.points
-    return Nearest(visibility, spans, shown, made.bands)
+    return Nearest(visibility, spans, shown, made.bands, small)
 
 
 def nearest_back(surface: Surface, poses: mi.Float, part: mi.UInt32, view: View) -> mi.Float:
@@ -138,10 +143,14 @@ def _interpolated(shown: Nearest, target: Target, banded: mi.UInt32 | None, dept
 
 
 @frozen
-def named(shown: Nearest, target: Target, names: mi.UInt32) -> mi.UInt32:
-    """What the nearest triangles are called, `raster.NONE` where there is none. `names`: of the triangles, whose images come
-    once or several times, in their order."""
+def named(shown: Nearest, target: Target, names: mi.UInt32) -> tuple[mi.UInt32, mi.UInt32]:
+    """What the triangle that covers a pixel is called, and what the small one that is seen in it, `raster.NONE` where there is
+    none. `names`: of the triangles, whose images come once or several times, in their order."""
+    assert shown.small is not None
     pixel = dr.arange(mi.UInt32, target.view.width * target.view.height)
-    triangle = raster.winner_at(shown.visibility, target.view, pixel, target.own)
-    there = target.own & (triangle != raster.NONE)
-    return dr.select(there, dr.gather(mi.UInt32, names, triangle % dr.width(names), there), raster.NONE)
+
+    def called(triangle: mi.UInt32) -> mi.UInt32:
+        there = target.own & (triangle != raster.NONE)
+        return dr.select(there, dr.gather(mi.UInt32, names, triangle % dr.width(names), there), raster.NONE)
+
+    return called(raster.winner_at(shown.visibility, target.view, pixel, target.own)), called(shown.small)
