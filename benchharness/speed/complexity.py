@@ -69,8 +69,8 @@ def study(base: Scene, size: tuple[int, int], index: int, rounds: int, say: Call
             row["refused"] = contract.refusal(method(name), scene)
             rows.append(row)
             if row["refused"] is None:
-                errors, works[shape, dents, triangles, name] = case(name, stage, truth)
                 kind = method(name)
+                errors, works[shape, dents, triangles, name] = case(kind, stage, truth)
                 state, row["prepare_ms"] = timing.timed(lambda kind=kind, scene=scene: kind.prepare(scene))
                 timing.warm_up(lambda kind=kind, state=state, stage=stage: kind.update(state, stage.frame))
                 row["update_ms"] = timing.timed(lambda kind=kind, state=state, stage=stage: kind.update(state, stage.frame))[1]

@@ -48,9 +48,9 @@ class Stage:
         return last.before
 
 
-def method(name: str) -> Method:
-    """A method with its defaults. Raises ValueError where there is none of that name."""
-    return plugins.find("method", name, "speed").target()
+def method(name: str, **params: Any) -> Method:
+    """A method, with its defaults but for `params`. Raises ValueError where there is none of that name."""
+    return plugins.find("method", name, "speed").target(**params)
 
 
 def answer(shaded: tuple[Reflection, Any]) -> tuple:

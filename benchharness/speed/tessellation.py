@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from benchharness.api import Method
 from benchharness.measure import contract, host, metrics, timing
 from benchharness.render import reference
 from benchharness.scene import Scene, refined
@@ -21,15 +22,20 @@ from benchharness.speed.stage import Stage, Work, answer, interleaved, method
 from benchharness.study import plugins
 from benchharness.tables.speed import UNREFLECTED
 
-TARGETS = (5_000, 10_000, 15_000, 25_000, 50_000, 100_000, 200_000)
+TARGETS = (5_000, 10_000, 15_000, 25_000, 50_000, 100_000, 200_000, 500_000)
 """Vertices to subdivide to; a target below what a scene has as it was built is that scene as it was built."""
+WAYS: dict[str, tuple[str, dict[str, Any]]] = {
+    "newton, rays": ("newton", {"resolve": "ray"}),
+    "newton, rays, levels": ("newton", {"resolve": "ray", "lod_px": 1.0}),
+}
+"""Further rows, beside all methods with their defaults: method and parameters."""
 CLOSE = 0.05  # relative; a subdivision this near to its target will do
 TRIES = 12
 
 COLUMNS = "detail method vertices triangles h_max_m shade_ms shade_ms_lo shade_ms_hi frame_ms flip coverage".split()
 """In the row UNREFLECTED, shade_ms is the time of the G-buffer and the composite; frame_ms of others is theirs and that."""
-FIT_COLUMNS = "detail method ms_per_1000_vertices intercept_ms r2 points".split()
-"""The line through frame_ms against vertices."""
+FIT_COLUMNS = "detail method ms_per_1000_vertices intercept_ms r2 exponent points".split()
+"""The line through frame_ms against vertices; and p of the power n^p of vertices that shade_ms follows, in logarithms."""
 SAMPLE_COLUMNS = "detail method vertices round ms".split()
 
 
@@ -78,7 +84,8 @@ def _cases(
     detail: str, base: Scene, size: tuple[int, int], index: int, say: Callable[[str], None], targets: Sequence[int]
 ) -> tuple[list[dict[str, Any]], dict[tuple[str, int], Work]]:
     """Rows without times, and what is to be timed, by method and vertices."""
-    methods = [name for name, plugin in plugins.discover("method").items() if plugin.error is None]
+    kinds = {name: method(name) for name, plugin in plugins.discover("method").items() if plugin.error is None}
+    kinds |= {name: method(of, **params) for name, (of, params) in WAYS.items() if of in kinds}
     rows: list[dict[str, Any]] = []
     works: dict[tuple[str, int], Work] = {}
     truth = reference.render(base, base.time(index), size)
@@ -88,10 +95,10 @@ def _cases(
         stage = Stage(replace(scene, h_max=None), size, index)
         rows.append({**seen, "method": UNREFLECTED})
         works[UNREFLECTED, scene.vertices] = _unreflected(stage)
-        for name in methods:
+        for name, kind in kinds.items():
             say(f"{detail}: {name} at {scene.vertices} vertices")
-            if contract.refusal(method(name), stage.scene) is None:
-                errors, works[name, scene.vertices] = case(name, stage, truth)
+            if contract.refusal(kind, stage.scene) is None:
+                errors, works[name, scene.vertices] = case(kind, stage, truth)
                 rows.append({**seen, "method": name, **errors})
     return rows, works
 
@@ -107,9 +114,9 @@ def _unreflected(stage: Stage):
     return work
 
 
-def case(name: str, stage: Stage, truth: reference.Reference):
+def case(kind: Method, stage: Stage, truth: reference.Reference):
     """What a method's picture is worth, and what is to be timed."""
-    kind, scene = method(name), stage.scene
+    scene = stage.scene
     state = stage.warmed(kind)
     answered = kind.shade(state, stage.frame)[0]
     said = host.answer(stage.frame, answered)
@@ -156,11 +163,13 @@ def _length_for(base: Scene, target: int) -> float:
 
 
 def fit(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Least squares through (vertices, frame_ms); all empty for fewer than two numbers of vertices."""
+    """Least squares through (vertices, frame_ms), and through the logarithms of vertices and shade_ms; all empty for fewer than
+    two numbers of vertices."""
     n, ms = np.array([r["vertices"] for r in rows], float), np.array([r["frame_ms"] for r in rows], float)
     if len(set(n)) < 2:
         return {"points": len(n)}
     slope, intercept = np.polyfit(n, ms, 1)
     rest, spread = np.sum((ms - slope * n - intercept) ** 2), np.sum((ms - ms.mean()) ** 2)
     r2 = 1.0 - rest / spread if spread > 0 else 1.0
-    return {"ms_per_1000_vertices": 1e3 * slope, "intercept_ms": intercept, "r2": r2, "points": len(n)}
+    exponent = float(np.polyfit(np.log(n), np.log([r["shade_ms"] for r in rows]), 1)[0])
+    return {"ms_per_1000_vertices": 1e3 * slope, "intercept_ms": intercept, "r2": r2, "exponent": exponent, "points": len(n)}

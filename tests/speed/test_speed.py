@@ -231,9 +231,10 @@ def test_tessellations_have_about_the_vertices_that_were_asked_for(room):
 
 
 def test_the_fit_finds_a_line():
-    rows = [{"vertices": n, "frame_ms": 3.0 + 0.25e-3 * n} for n in (1_000, 4_000, 20_000)]
+    rows = [{"vertices": n, "frame_ms": 3.0 + 0.25e-3 * n, "shade_ms": 0.1 * n**0.6} for n in (1_000, 4_000, 20_000)]
     found = tessellation.fit(rows)
-    assert found == pytest.approx({"ms_per_1000_vertices": 0.25, "intercept_ms": 3.0, "r2": 1.0, "points": 3})
+    line = {"ms_per_1000_vertices": 0.25, "intercept_ms": 3.0, "r2": 1.0, "exponent": 0.6, "points": 3}
+    assert found == pytest.approx(line)
     assert tessellation.fit(rows[:1]) == {"points": 1}
 
 
@@ -248,6 +249,7 @@ def test_the_study_sees_the_error_fall_with_the_vertices(room):
         "image_space_search",
         "secant_triangle",
         "newton",
+        *tessellation.WAYS,
     } <= names
     coarse, fine = (
         {r["method"]: r for r in found.rows if r["vertices"] == n} for n in sorted({r["vertices"] for r in found.rows})
@@ -257,6 +259,8 @@ def test_the_study_sees_the_error_fall_with_the_vertices(room):
         assert fine[name]["flip"] < 0.7 * coarse[name]["flip"]
         assert fine["ray_traced"]["flip"] < fine[name]["flip"] < fine["environment_map"]["flip"]
         assert fine[name]["frame_ms"] == fine[tessellation.UNREFLECTED]["frame_ms"] + fine[name]["shade_ms"]
+    for name in tessellation.WAYS:
+        assert coarse[name]["flip"] < 0.3 * coarse["newton"]["flip"]
     assert all(fit["points"] == 2 for fit in found.fits) and {fit["method"] for fit in found.fits} == names
     assert len(found.samples) == 2 * len(found.rows)
 
