@@ -20,6 +20,7 @@ FEWEST = 12  # triangles: fewer are not simplified
 SHRINKS = 0.75  # a level that has more than this share of the triangles of the one before is left out
 HALVINGS = 10
 HASTES = (3.0, 7.0)  # of the library: the slow one is nearer to the shape, the quick one goes farther
+MANY = 20_000  # triangles: of so many the slow way takes too long
 NEAREST = 16  # triangles, by their middles, of which one is taken to be nearest to a point
 
 
@@ -67,8 +68,8 @@ def _chain(vertices: np.ndarray, faces: np.ndarray) -> list[Level]:
     whole = Level(points, joined[sound], sound, 0.0)
     made = [
         level
-        for haste in HASTES
-        for border in (False, True)
+        for haste in (HASTES if len(sound) < MANY else HASTES[1:])
+        for border in ((False, True) if _is_open(whole.faces) else (False,))
         for k in range(1, HALVINGS)
         if (level := _simplified(whole, FEWEST + len(sound) // 2**k, haste, border=border)) is not None
     ]
@@ -77,6 +78,12 @@ def _chain(vertices: np.ndarray, faces: np.ndarray) -> list[Level]:
         if len(level.faces) <= SHRINKS * len(levels[-1].faces):
             levels.append(level)
     return levels
+
+
+def _is_open(faces: np.ndarray) -> bool:
+    """Whether an edge has one triangle."""
+    ends = np.sort(np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)]), axis=1)
+    return bool((np.unique(ends, axis=0, return_counts=True)[1] == 1).any())
 
 
 def _simplified(mesh: Level, count: int, haste: float, *, border: bool) -> Level | None:
@@ -100,7 +107,7 @@ def _simplified(mesh: Level, count: int, haste: float, *, border: bool) -> Level
 def _nearest(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The triangle nearest to each point [N, 3], of the NEAREST whose middles are, and how far away it is."""
     corners, count = vertices[faces], min(NEAREST, len(faces))
-    near = KDTree(corners.mean(axis=1)).query(points, count)[1].reshape(len(points), count)
+    near = KDTree(corners.mean(axis=1)).query(points, count, workers=-1)[1].reshape(len(points), count)
     best, distance = np.zeros(len(points), np.int64), np.full(len(points), np.inf)
     for k in range(count):
         there = trimesh.triangles.closest_point(corners[near[:, k]], points)
