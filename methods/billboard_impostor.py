@@ -39,6 +39,10 @@ class BillboardImpostor(Method):
     other_mirrors  what other mirrors are: "reflective" billboards, "black" ones, or "omitted"
     walls        height in metres of the walls in which the ground's picture passes into the environment; 0 for none. Only for
                  a scene whose panorama goes on from one of its objects
+    sizes        of pictures: "fixed", all of `resolution` and `planes`; or "seen", each as large as its part can be seen in its
+                 mirror, a power of two up to `resolution`: none where that is less than a pixel or the mirror is out of the
+                 picture, and taken again only once what it shows has moved by half a texel. They depend on the eye then, and
+                 `shade` takes them
     attenuation  share of the light lost per metre of the reflected ray, as exp(-attenuation distance)
     """
 
@@ -47,6 +51,7 @@ class BillboardImpostor(Method):
     planes: Annotated[int, Field(ge=8, le=4096)] = 512
     environment: Annotated[int, Field(ge=4, le=4096)] = 256
     other_mirrors: Literal["reflective", "black", "omitted"] = "reflective"
+    sizes: Literal["fixed", "seen"] = "fixed"
     walls: Annotated[float, Field(ge=0, le=1e6)] = 0.0
     attenuation: Annotated[float, Field(ge=0, le=1e6)] = 0.0
 
@@ -68,16 +73,24 @@ class BillboardImpostor(Method):
         return imagewise.begun(scene, roles.plan(scene, mirrors=self.other_mirrors != "omitted", ground=ground))
 
     def update(self, state: imagewise.State, frame: Frame) -> imagewise.State:
-        options = CaptureOptions(
+        if self.sizes == "seen":
+            return imagewise.moved(state, frame.poses)
+        return imagewise.updated(state, frame.poses, self._capture())
+
+    def _capture(self) -> CaptureOptions:
+        return CaptureOptions(
             size=self.resolution,
             planes=self.planes,
             mip=self.mip,
             resolution=self.environment,
             turn=0.0,
             walls=self.walls,
+            again=self.other_mirrors == "reflective",
+            density=1.0 if self.sizes == "seen" else 0.0,
         )
-        return imagewise.updated(state, frame.poses, options)
 
     def shade(self, state: imagewise.State, frame: Frame) -> tuple[Reflection, imagewise.State]:
+        if self.sizes == "seen":
+            state = imagewise.seen(state, frame, self._capture())
         options = bounces.TraceOptions(second_bounce=self.other_mirrors == "reflective", doubts=frame.doubts)
         return imagewise.shown(state, frame, options, self.attenuation)

@@ -31,6 +31,9 @@ from benchharness.kernels.images.capture import CaptureOptions
 from benchharness.kernels.images.depthray import Anchor
 from benchharness.scene import Scene
 
+DENSITY = {"srdm": 1.0, "march": 2.0}
+"""Texels per pixel, of maps that are as large as they are seen. Rays that march find an outline half a texel too small."""
+
 
 @dataclass(frozen=True)
 class DepthImpostor(Method):
@@ -52,6 +55,10 @@ class DepthImpostor(Method):
     environment  texels per edge of a face of the environment map, where one is taken
     other_mirrors  what other mirrors are: "reflective", "black", or "omitted"
     walls        height in metres of the walls in which the ground's picture passes into the environment; 0 for none
+    sizes        of pictures: "fixed", all of `resolution` and `planes`; or "seen", each as large as its part can be seen in its
+                 mirror, a power of two up to `resolution`: none where that is less than a pixel or the mirror is out of the
+                 picture, and taken again only once what it shows has moved by half a texel. They depend on the eye then, and
+                 `shade` takes them
     attenuation  share of the light lost per metre of the reflected ray, as exp(-attenuation distance)
     """
 
@@ -68,6 +75,7 @@ class DepthImpostor(Method):
     planes: Annotated[int, Field(ge=8, le=4096)] = 512
     environment: Annotated[int, Field(ge=4, le=4096)] = 256
     other_mirrors: Literal["reflective", "black", "omitted"] = "reflective"
+    sizes: Literal["fixed", "seen"] = "fixed"
     walls: Annotated[float, Field(ge=0, le=1e6)] = 0.0
     attenuation: Annotated[float, Field(ge=0, le=1e6)] = 0.0
 
@@ -91,7 +99,12 @@ class DepthImpostor(Method):
         return imagewise.begun(scene, planned)
 
     def update(self, state: imagewise.State, frame: Frame) -> imagewise.State:
-        options = CaptureOptions(
+        if self.sizes == "seen":
+            return imagewise.moved(state, frame.poses)
+        return imagewise.updated(state, frame.poses, self._capture())
+
+    def _capture(self) -> CaptureOptions:
+        return CaptureOptions(
             size=self.resolution,
             planes=self.planes,
             mip=self.mip,
@@ -101,10 +114,13 @@ class DepthImpostor(Method):
             rotations=self.rotations,
             points=self.points if self.intersector == "srdm" else 0,
             split_jump=self.split_jump,
+            again=self.other_mirrors == "reflective",
+            density=DENSITY[self.intersector] if self.sizes == "seen" else 0.0,
         )
-        return imagewise.updated(state, frame.poses, options)
 
     def shade(self, state: imagewise.State, frame: Frame) -> tuple[Reflection, imagewise.State]:
+        if self.sizes == "seen":
+            state = imagewise.seen(state, frame, self._capture())
         options = bounces.TraceOptions(
             second_bounce=self.other_mirrors == "reflective",
             doubts=frame.doubts,

@@ -45,9 +45,11 @@ def chain(vertices: np.ndarray, faces: np.ndarray) -> list[Level]:
     key = cache.content_hash(cache.source_hash(__file__), np.asarray(vertices, np.float64), np.asarray(faces, np.int64))
     arrays = cache.cached("levels", key, lambda: _arrays(_chain(np.asarray(vertices, np.float64), np.asarray(faces))))
     of_vertices, of_faces = (np.cumsum(arrays["counts"][:, k])[:-1] for k in range(2))
-    columns = ("vertices", of_vertices), ("faces", of_faces), ("names", of_faces)
-    vertices, faces, names = (np.split(arrays[name], at) for name, at in columns)
-    return [Level(v, f, n, float(e)) for v, f, n, e in zip(vertices, faces, names, arrays["errors"], strict=True)]
+    cut = {
+        name: np.split(arrays[name], of_vertices if name == "vertices" else of_faces) for name in ("vertices", "faces", "names")
+    }
+    columns = (cut["vertices"], cut["faces"], cut["names"], arrays["errors"])
+    return [Level(v, f, n, float(e)) for v, f, n, e in zip(*columns, strict=True)]
 
 
 def _arrays(levels: list[Level]) -> cache.Arrays:

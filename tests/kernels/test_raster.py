@@ -9,6 +9,7 @@ import pytest
 from support.packed import numbers, packed
 
 from benchharness.kernels import raster
+from benchharness.kernels.images import atlas
 from benchharness.render.frame import view_of
 from benchharness.scene import Camera
 
@@ -240,3 +241,14 @@ def test_a_triangle_is_drawn_in_its_own_layer_alone():
     shown = drawn(points, triangles, width, height, layers=(mi.UInt32([7, 1_000_000]), mi.UInt32(there)))
     assert (shown[:, :20] == 0).all() and (shown[:, 20:] == 1).all()
     assert (drawn(points, triangles, width, height) == 0).all()
+
+
+def test_pictures_of_any_size_are_drawn_whatever_sizes_were_drawn_before():
+    """Dr.Jit 1.5.0 takes a recording for 64 x 8 pixels for one for 64 x 64 (`kernels.frozen`)."""
+    points = mi.Float(np.array([[-10, -10, 1, 0], [2e4, 0, 1, 0], [0, 2e4, 1, 0]], np.float32).ravel())
+    for width in (8, 16, 64):
+        for height in (8, 16, 24, 64, 96, 512):
+            view = atlas.view_of(width, height)
+            nearest = raster.rasterize(points, mi.UInt32([0, 1, 2, 0]), 1, view)
+            seen = raster.winner_at(nearest, view, dr.arange(mi.UInt32, width * height), True)
+            assert (np.array(seen) == 0).all(), (width, height)

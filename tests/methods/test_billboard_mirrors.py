@@ -33,10 +33,11 @@ def test_i07_a_pixel_meets_d_plus_r_minus_1_quads_and_d_more_for_a_second_reflec
     assert set(black.counted("quad_tests")[answer.active]) == {once}
     assert (black.L[second] == 0).all() and (answer.L[second].max(axis=1) > 0).all()
     np.testing.assert_array_equal(black.L[~second], answer.L[~second])
+    # Fewer pictures lie elsewhere on the sheet that they are taken on, and are rounded otherwise.
     omitted = one(BillboardImpostor(other_mirrors="omitted"), made)
     assert set(omitted.counted("quad_tests")[answer.active]) == {objects}
     assert not omitted.counted("second_order").any()
-    np.testing.assert_array_equal(omitted.L[~second], answer.L[~second])
+    np.testing.assert_allclose(omitted.L[~second], answer.L[~second], atol=1e-6)
 
 
 def far_mirrors(gap: float, second=None):

@@ -2,132 +2,96 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from benchharness.kernels.images import backdrop, billboard, candidates, depthmap, impostor, relief
+from benchharness.kernels.images import backdrop, billboard, candidates, depthmap, impostor, relief, shelf
 from benchharness.kernels.images.bounces import ImpostorScene
 from benchharness.kernels.images.capture import CaptureOptions, DeviceScene
-from benchharness.kernels.images.refresh import STILL, Captured, centre_of, matrices, viewpoint_of
-from benchharness.kernels.images.roles import Plan, Slot
+from benchharness.kernels.images.refresh import STILL, Captured, centres_of
+from benchharness.kernels.images.roles import Plan
 
 OWN_START = 0.03  # of a mirror's radius: so far a ray runs before it may meet the mirror's own depth map
 
 
-def assembled(
-    scene: DeviceScene, captured: Captured, poses: mi.Float, options: CaptureOptions, before: ImpostorScene | None
-) -> ImpostorScene:
-    """All that rays can meet, with every part where `poses` puts it. Waits for the device.
-
-    before  of the last update: its texels are used again where no picture was taken
-    """
+def assembled(scene: DeviceScene, captured: Captured, poses: np.ndarray, options: CaptureOptions) -> ImpostorScene:
+    """All that rays can meet, with every part where `poses`, float64 [parts, 3, 4], puts it."""
     plan = scene.plan
-    host = matrices(poses)
-    cameras = _cameras(plan, captured, host)
+    cameras = captured.cameras.moved(poses[plan.parts])
     quads = mi.Float(_quads(plan, cameras).ravel())
-    flat = plan.plane_slots
-    plane_texels = _together(captured, range(flat), None if before is None else before.plane_pictures)
-    texels = _together(captured, range(flat, len(plan.slots)), None if before is None else before.pictures)
+    flat, there = plan.plane_slots, captured.sizes > 0
     self_reflecting = any(slot.part == slot.owner(plan.objects) for slot in plan.slots)
     return ImpostorScene(
         planes=billboard.Billboards(quads, candidates.of_lists(plan.planes)),
-        plane_pictures=billboard.Pictures(plane_texels, options.planes, options.mip),
-        boards=billboard.Billboards(quads, candidates.of_lists(plan.quads)),
-        pictures=billboard.Pictures(texels, options.size, options.mip, flat),
-        reliefs=_reliefs(plan, captured, cameras, options, None if before is None else before.reliefs),
+        plane_pictures=_pictures(captured.planes, options.planes, options, 0),
+        boards=billboard.Billboards(quads, candidates.of_lists(plan.quads, there)),
+        pictures=_pictures(captured.pictures, options.size, options, flat),
+        reliefs=_reliefs(plan, captured, cameras, options),
         backdrop=backdrop.Backdrop(
             infinity=scene.infinity,
-            maps=_joined([own.texels for own in captured.environments if own is not None]),
+            maps=captured.maps,
             resolution=options.resolution,
-            walls=_walls(scene, host, options),
-            places=_places(plan, host),
+            walls=_walls(scene, poses, options),
+            places=_places(plan, captured),
         ),
         metals=scene.metals,
-        mirrors=None if self_reflecting else _boxes(plan, host),
+        mirrors=None if self_reflecting else _boxes(plan, poses),
         enclosed=mi.Bool(scene.enclosed) if any(scene.enclosed) else None,
     )
 
 
-def _quads(plan: Plan, cameras: list[impostor.ImpostorCamera]) -> np.ndarray:
+def _pictures(own: shelf.Shelf, size: int, options: CaptureOptions, first: int) -> billboard.Pictures:
+    """Pictures of slots from `first` on, of `size` texels at most."""
+    return billboard.Pictures(own.texels, size, options.mip, first, own.places)
+
+
+def _quads(plan: Plan, cameras: impostor.ImpostorCamera) -> np.ndarray:
     """The table of `billboard.Billboards`, float32 [slots, 4, 4]."""
     quads = np.zeros((max(len(plan.slots), 1), 4, 4), np.float32)
-    for quad, slot, camera in zip(quads, plan.slots, cameras, strict=False):
-        shape = plan.shapes[slot.part]
-        deep = shape.plane is None
-        quad[0] = [*camera.centre, slot.part - plan.objects if slot.part >= plan.objects else -1]
-        quad[1] = [*(camera.a / camera.half[0]), deep * (camera.distance - camera.near)]
-        quad[2] = [*(camera.b / camera.half[1]), deep * (camera.far - camera.distance)]
-        quad[3] = [*camera.k, deep * shape.radius]
+    own, parts = quads[: len(plan.slots)], plan.parts
+    deep = plan.owners >= 0
+    own[:, 0, :3], own[:, 0, 3] = cameras.centre, np.where(parts >= plan.objects, parts - plan.objects, -1)
+    own[:, 1, :3], own[:, 1, 3] = cameras.a / cameras.half[:, :1], deep * (cameras.distance - cameras.near)
+    own[:, 2, :3], own[:, 2, 3] = cameras.b / cameras.half[:, 1:], deep * (cameras.far - cameras.distance)
+    own[:, 3, :3], own[:, 3, 3] = cameras.k, deep * plan.radii[parts]
     return quads
 
 
-def _cameras(plan: Plan, captured: Captured, poses: np.ndarray) -> list[impostor.ImpostorCamera]:
-    """The cameras of all slots, in world space."""
-    return [captured.picture(number).camera.moved(poses[slot.part]) for number, slot in enumerate(plan.slots)]
-
-
-def _together(captured: Captured, slots: range, before: billboard.Pictures | None) -> mi.Float:
-    """The texels of some slots, one after the other: those of `before` if none was taken since."""
-    if before is not None and not any(number in slots for number in captured.renewed):
-        return before.texels
-    texels = _joined([captured.picture(number).texels for number in slots])
-    return dr.zeros(mi.Float, 4) if texels is None else texels
-
-
-def _joined(buffers: Sequence[Any]) -> Any:
-    """Buffers one after the other; None where there are none."""
-    return dr.concat(list(buffers)) if buffers else None
-
-
 def _reliefs(
-    plan: Plan,
-    captured: Captured,
-    cameras: list[impostor.ImpostorCamera],
-    options: CaptureOptions,
-    before: relief.Reliefs | None,
+    plan: Plan, captured: Captured, cameras: impostor.ImpostorCamera, options: CaptureOptions
 ) -> relief.Reliefs | None:
     """The depth maps where their cameras are; None for a plan without any."""
-    deep = plan.deep_slots
-    if not deep:
+    deep, depths, rows = np.array(plan.deep_slots, int), captured.depths, captured.rows
+    if len(deep) == 0:
         return None
-    numbers = []
-    for number in deep:
-        slot = plan.slots[number]
-        own = slot.part == slot.owner(plan.objects)
-        start = OWN_START * plan.shapes[slot.part].radius if own else 0.0
-        numbers += impostor.packet_of(cameras[number], options.size, start)
-    if before is None or set(captured.renewed) & set(deep):
-        pictures = [captured.picture(number) for number in deep]
-        simplified = [picture.rows for picture in pictures if picture.rows is not None]
-        depth = dr.concat([picture.depth for picture in pictures])
-        rows = _joined([own.points for own in simplified])
-        dropped = _joined([own.dropped for own in simplified])
-    else:
-        depth, rows, dropped = before.depth, before.rows, before.dropped
-    place = {number: k for k, number in enumerate(deep)}
+    parts = plan.parts[deep]
+    start = np.where(parts == plan.owners[deep], OWN_START * plan.radii[parts], 0.0)
+    packets = impostor.packets_of(cameras.at(deep), depths.sizes, start)
+    firsts = np.zeros(len(deep), int) if rows is None else rows.firsts
+    places = np.stack([depths.firsts, depths.sizes, firsts, np.zeros(len(deep), int)], axis=1)
+    there, place = depths.sizes > 0, {number: k for k, number in enumerate(deep.tolist())}
     shown = [([place[i] for i in objects], [place[i] for i in mirrors]) for objects, mirrors in plan.maps]
     return relief.Reliefs(
-        depth=depth,
-        rows=rows,
-        dropped=dropped,
-        cameras=mi.Float(numbers),
+        depth=depths.texels,
+        rows=None if rows is None else rows.points,
+        dropped=None if rows is None else rows.dropped,
+        cameras=mi.Float(packets.astype(np.float32).ravel()),
         slots=mi.UInt32(deep),
-        parts=mi.UInt32([plan.slots[number].part for number in deep]),
-        candidates=candidates.of_lists(shown),
-        layout=depthmap.Layout(len(deep), options.size, max(options.rotations, 1), max(options.points, 2)),
+        parts=mi.UInt32(parts),
+        candidates=candidates.of_lists(shown, there),
+        layout=depthmap.Layout(
+            len(deep), options.size, max(options.rotations, 1), max(options.points, 2), mi.UInt32(places.ravel())
+        ),
     )
 
 
-def _places(plan: Plan, poses: np.ndarray) -> mi.Float | None:
+def _places(plan: Plan, captured: Captured) -> mi.Float | None:
     """Where the mirrors' environment maps were taken, as `backdrop.Backdrop` has it."""
     if plan.ground is not None or not any(plan.enclosing):
         return None
-    mirrors = range(plan.objects, len(plan.shapes))
-    return mi.Float(np.array([[*centre_of(plan, m, poses), 0] for m in mirrors], np.float32).ravel())
+    middles = np.array([own.centre for own in captured.environments if own is not None])
+    return mi.Float(np.pad(middles, ((0, 0), (0, 1))).astype(np.float32).ravel())
 
 
 def _boxes(plan: Plan, poses: np.ndarray) -> mi.Float:
@@ -145,7 +109,8 @@ def _walls(scene: DeviceScene, poses: np.ndarray, options: CaptureOptions) -> ba
     plan, ground = scene.plan, scene.plan.ground
     if ground is None:
         return None
-    viewpoint = viewpoint_of(plan, Slot(ground, None), poses)
+    mirrors = centres_of(plan, poses)[plan.objects :].mean(axis=0)
+    viewpoint = poses[ground, :, :3].T @ (mirrors - poses[ground, :, 3])
     camera = impostor.on_plane(plan.shapes[ground], viewpoint).moved(poses[ground])
     up = camera.k * (scene.unit / options.walls)
     vectors = (camera.centre, camera.a / camera.half[0], camera.b / camera.half[1], up, scene.centre)

@@ -30,7 +30,7 @@ import mitsuba as mi
 import numpy as np
 
 from benchharness.kernels import packets
-from benchharness.kernels.frozen import frozen
+from benchharness.kernels.images import atlas
 from benchharness.kernels.images.candidates import NONE, Candidates, Ray
 from benchharness.kernels.images.impostor import FIELD
 from benchharness.kernels.pixels import WRONG_PX
@@ -39,46 +39,42 @@ PARALLEL = 1e-6  # a ray whose direction has less than this along a quad's norma
 OPAQUE = 0.5  # coverage from which a texel stops a ray
 COVERED = 0.05  # coverage from which a texel as wide as a ray's way through the bounds is not empty
 SINE = float(np.sin(0.5 * FIELD))  # a camera stands 1 / SINE radii away
-COARSEST = 4  # texels across the last mip level
 
 
 @dataclass
 class Pictures:
     """Pictures of slots, one after the other.
 
-    texels  premultiplied packets (see `kernels.images.capture`), mip levels of a slot one after the other, the finest first
+    texels  premultiplied packets (see `kernels.images.atlas`), mip levels of a slot one after the other, the finest first
     size    texels across the finest level, a power of two
     mip     whether there are others
     first   number of the first slot
+    places  for pictures of sizes of their own, packets of each: first texel, texels across, and two that are ignored; `size`
+            is then the largest. None where all have `size`
     """
 
     texels: mi.Float
     size: int
     mip: bool
     first: int = 0
+    places: mi.UInt32 | None = None
 
     @property
     def levels(self) -> int:
-        """How many mip levels a slot has."""
-        return (self.size // COARSEST).bit_length() if self.mip else 1
+        """How many mip levels a slot has, the largest one's."""
+        return atlas.levels_of(self.size, self.mip)
 
     @property
     def texels_per_slot(self) -> int:
-        """How many texels all levels of a slot have."""
+        """How many texels all levels of a slot have, all being of one size."""
         return sum((self.size >> level) ** 2 for level in range(self.levels))
 
-
-@frozen
-def with_levels(texels: mi.Float, size: int) -> mi.Float:
-    """A picture with all its mip levels: each texel of a level is the mean of four of the one before."""
-    levels = [texels]
-    while size > COARSEST:
-        size //= 2
-        lane = dr.arange(mi.UInt32, size * size)
-        first = 4 * size * (lane // size) + 2 * (lane % size)
-        total = sum(dr.gather(mi.Vector4f, levels[-1], first + k) for k in (0, 1, 2 * size, 2 * size + 1))
-        levels.append(packets.stored(0.25 * total, size * size))
-    return dr.concat(levels)
+    def place(self, slot: mi.UInt32, active: mi.Bool) -> tuple[mi.UInt32, mi.UInt32]:
+        """A slot's first texel, and its texels across."""
+        if self.places is None:
+            return (slot - self.first) * self.texels_per_slot, mi.UInt32(self.size)
+        packet = dr.gather(mi.Vector4u, self.places, slot - self.first, active)
+        return packet.x, packet.y
 
 
 def sample(pictures: Pictures, slot: mi.UInt32, x: mi.Float, y: mi.Float, level: mi.Float, active: mi.Bool) -> mi.Vector4f:
@@ -88,14 +84,15 @@ def sample(pictures: Pictures, slot: mi.UInt32, x: mi.Float, y: mi.Float, level:
 
     Between two levels would cost twice the reads, a third of a frame's reflections, for the same error.
     """
-    first = (slot - pictures.first) * pictures.texels_per_slot
+    first, size = pictures.place(slot, active)
     if not pictures.mip:
-        return _bilinear(pictures, first, mi.UInt32(pictures.size), x, y, active)
-    nearest = mi.UInt32(dr.clip(level + 0.5, 0, pictures.levels - 1))
-    return _bilinear(pictures, first + _before(pictures.size, nearest), mi.UInt32(pictures.size) >> nearest, x, y, active)
+        return _bilinear(pictures, first, size, x, y, active)
+    coarsest = dr.log2i(dr.maximum(size // atlas.COARSEST, 1))
+    nearest = dr.minimum(mi.UInt32(dr.clip(level + 0.5, 0, pictures.levels - 1)), coarsest)
+    return _bilinear(pictures, first + _before(size, nearest), size >> nearest, x, y, active)
 
 
-def _before(size: int, level: mi.UInt32) -> mi.UInt32:
+def _before(size: mi.UInt32, level: mi.UInt32) -> mi.UInt32:
     """How many texels the levels before `level` have: size² (1 + 1/4 + ...), exact for a power of two."""
     return (4 * size * size - (4 * size * size >> (2 * level))) // 3
 
@@ -145,12 +142,13 @@ def none() -> Hit:
     return Hit(mi.Float(dr.inf), mi.UInt32(NONE), mi.Vector4f(0), mi.UInt32(0))
 
 
-def level_of(pictures: Pictures, a: mi.Vector4f, b: mi.Vector4f, apart: mi.Float) -> mi.Float:
-    """The mip level at which texels are as long as `apart`, metres; `a`, `b`: the second and third packet of the quad.
+def level_of(pictures: Pictures, slot: mi.UInt32, a: mi.Vector4f, b: mi.Vector4f, apart: mi.Float) -> mi.Float:
+    """The mip level of a slot at which texels are as long as `apart`, metres; `a`, `b`: second and third packet of its quad.
 
     Along its longer side: what is drawn out stays sharp, and which side is the first must not matter.
     """
-    per_metre = 0.5 * pictures.size * dr.minimum(dr.norm(a.xyz), dr.norm(b.xyz))
+    size = mi.Float(pictures.place(slot, mi.Bool(True))[1])
+    per_metre = 0.5 * size * dr.minimum(dr.norm(a.xyz), dr.norm(b.xyz))
     return dr.log2(dr.maximum(apart * per_metre, 1e-9))
 
 
@@ -219,7 +217,7 @@ def _missed(pictures: Pictures, slot: mi.UInt32, crossing: Crossing, nearer: mi.
         near = way.within & way.off & (way.lo < nearer)
         q = mi.Vector3f(ray.o) + 0.5 * (way.lo + way.hi) * ray.d - mi.Vector3f(crossing.middle.xyz)
         across = (way.hi - way.lo) * dr.sqrt(dr.maximum(1 - dr.square(crossing.cosine), 0))
-        level = level_of(pictures, crossing.a, crossing.b, across)
+        level = level_of(pictures, slot, crossing.a, crossing.b, across)
         there = sample(pictures, slot, dr.dot(q, crossing.a.xyz), dr.dot(q, crossing.b.xyz), level, near)
         t = dr.select(near & (there.w > COVERED), way.lo, t)
     return t
@@ -252,7 +250,7 @@ def nearest(boards: Billboards, pictures: Pictures, columns: int, ray: Ray, met:
         inside = listed & (distance > 0) & (distance < t) & (dr.abs(x) <= 1) & (dr.abs(y) <= 1)
         crossing, passes = Crossing(middle, a, b, k, ray, distance, cosine), mi.Bool(listed)
         if inside:  # most rays miss most quads
-            level = level_of(pictures, a, b, ray.differential.footprint(distance))
+            level = level_of(pictures, candidate, a, b, ray.differential.footprint(distance))
             found = sample(pictures, candidate, x, y, level, mi.Bool(True))
             opaque = found.w > OPAQUE
             t, slot = dr.select(opaque, distance, t), dr.select(opaque, candidate, slot)

@@ -186,8 +186,9 @@ def _nearest(
     deep = relief.nearest(reliefs, columns, ray, met.t, options.walk)
     closer = deep.t < dr.inf
     a, b = (dr.gather(mi.Vector4f, scene.boards.quads, deep.slot * 4 + i, closer) for i in (1, 2))
-    level = billboard.level_of(scene.pictures, a, b, ray.differential.footprint(dr.select(closer, deep.t, 0)))
-    value = billboard.sample(scene.pictures, deep.slot, deep.x, deep.y, level, closer)
+    slot = dr.select(closer, deep.slot, scene.pictures.first)
+    level = billboard.level_of(scene.pictures, slot, a, b, ray.differential.footprint(dr.select(closer, deep.t, 0)))
+    value = billboard.sample(scene.pictures, slot, deep.x, deep.y, level, closer)
     value *= dr.rcp(dr.maximum(value.w, LEAST_COVERAGE))
     t, slot = dr.select(closer, deep.t, met.t), dr.select(closer, deep.slot, met.slot)
     doubt, missed = dr.select(closer, deep.doubt, met.doubt), dr.minimum(met.missed, deep.missed)

@@ -49,12 +49,15 @@ class Candidates:
         return dr.gather(mi.UInt32, self.table, mirror * self.columns + column)
 
 
-def of_lists(shown: Sequence[Listed]) -> Candidates:
-    """What each mirror shows, as a table."""
+def of_lists(shown: Sequence[Listed], there: np.ndarray | None = None) -> Candidates:
+    """What each mirror shows, as a table. `there`: bool, by number, which impostors there are; all if None."""
     objects = max((len(own) for own, _ in shown), default=0)
     columns = objects + max((len(mirrors) for _, mirrors in shown), default=0)
     table = np.full((len(shown), max(columns, 1)), NONE, np.uint32)
     for row, (own, mirrors) in zip(table, shown, strict=True):
         row[: len(own)] = own
         row[objects : objects + len(mirrors)] = mirrors
+    if there is not None:
+        listed = table != NONE
+        table[listed] = np.where(there[table[listed]], table[listed], NONE)
     return Candidates(mi.UInt32(table.ravel()), columns, objects)

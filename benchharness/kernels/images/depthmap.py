@@ -5,7 +5,7 @@ projects to a segment of the map, and the object's profile along that segment is
 angle. So every row of n rotations (pi i / n) is simplified once to a polyline of at most m points: what a ray then meets is
 found among at most m - 1 segments. No map is stored rotated.
 
-`count` maps of w x w texels lie in one buffer each:
+`count` maps of w x w texels lie in one buffer each; or maps of sizes of their own do, one after the other:
 
     depth    Float [count, w, w], row major: zgl = (1/zn - 1/z) / (1/zn - 1/zf), 0 at the near plane and 1 at the far plane,
              in which straight lines stay straight; BACKGROUND where nothing was seen. Texel (row i, column j) has its centre
@@ -36,12 +36,17 @@ COVERED = 1.5  # zgl below which something was
 
 @dataclass
 class Layout:
-    """Sizes of the buffers: `w` texels on a side, `n` rotations, `m` points in a row; `count` maps."""
+    """Sizes of the buffers: `w` texels on a side, `n` rotations, `m` points in a row; `count` maps.
+
+    places  for maps of sizes of their own, packets of each: first texel, texels on a side, first row, 0; `w` is then the
+            largest. None where all have w
+    """
 
     count: int
     w: int
     n: int
     m: int
+    places: mi.UInt32 | None = None
 
     def __post_init__(self) -> None:
         if self.count < 1:
@@ -55,8 +60,15 @@ class Layout:
 
     @property
     def row_count(self) -> int:
-        """How many simplified rows there are in all."""
+        """How many simplified rows there are in all, of maps of one size."""
         return self.count * self.n * self.w
+
+    def place(self, map: mi.UInt32) -> Place:
+        """Where a lane's map lies."""
+        if self.places is None:
+            return Place(map * (self.w * self.w), mi.UInt32(self.w), map * (self.n * self.w))
+        packet = dr.gather(mi.Vector4u, self.places, map)
+        return Place(packet.x, packet.y, packet.z)
 
     @property
     def byte_count(self) -> int:
@@ -65,42 +77,59 @@ class Layout:
 
 
 @dataclass
+class Place:
+    """Where a lane's map lies: its first texel, texels on a side, first row."""
+
+    first: mi.UInt32
+    w: mi.UInt32
+    row: mi.UInt32
+
+
+@dataclass
 class Row:
     """Where a lane's row lies, and its samples.
 
-    depth, map, w  all maps, the number of the row's own, texels on its side
-    x, y           sample 0, texels
-    sine, cosine   the row's direction
+    depth, map, place  all maps, the number of the row's own, and where that lies
+    x, y               sample 0, texels
+    sine, cosine       the row's direction
     """
 
     depth: mi.Float
     map: mi.UInt32
-    w: int
+    place: Place
     x: mi.Float
     y: mi.Float
     sine: mi.Float
     cosine: mi.Float
 
+    @property
+    def w(self) -> mi.UInt32:
+        """Its samples."""
+        return self.place.w
+
     def sample(self, u: mi.UInt32, active: mi.Bool | bool = True) -> mi.Float:
         """zgl of sample u; BACKGROUND outside of the map."""
         along = mi.Float(u)
-        return texel(self.depth, self.w, self.map, dr.fma(along, self.cosine, self.x), dr.fma(along, self.sine, self.y), active)
+        return texel(self.depth, self.place, dr.fma(along, self.cosine, self.x), dr.fma(along, self.sine, self.y), active)
 
 
-def texel(depth: mi.Float, w: int, map: mi.UInt32, x: mi.Float, y: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
-    """zgl of the texel nearest to (x, y), pixels; BACKGROUND outside of the map."""
+def texel(depth: mi.Float, place: Place, x: mi.Float, y: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
+    """zgl of the texel of a map nearest to (x, y), pixels; BACKGROUND outside of the map."""
     column, row = mi.Int32(dr.floor(x + 0.5)), mi.Int32(dr.floor(y + 0.5))
+    w = mi.Int32(place.w)
     inside = (column >= 0) & (row >= 0) & (column < w) & (row < w) & active
-    zgl = dr.gather(mi.Float, depth, (map * w + mi.UInt32(row)) * w + mi.UInt32(column), inside)
+    zgl = dr.gather(mi.Float, depth, place.first + mi.UInt32(row * w + column), inside)
     return dr.select(inside, zgl, BACKGROUND)
 
 
-def row_at(depth: mi.Float, layout: Layout, index: mi.UInt32) -> Row:
-    """The row with number `index`, in the order of their buffer."""
-    turn = index // layout.w
-    map = turn // layout.n
-    sine, cosine = dr.sincos(mi.Float(turn - map * layout.n) * (dr.pi / layout.n))
-    c = 0.5 * (layout.w - 1)
-    down = mi.Float(index - turn * layout.w) - c
+def row_at(depth: mi.Float, layout: Layout, index: mi.UInt32, map: mi.UInt32 | None = None) -> Row:
+    """The row with number `index`, in the order of their buffer; `map`: whose it is, for maps of sizes of their own."""
+    map = index // (layout.n * layout.w) if map is None else map
+    place = layout.place(map)
+    own = index - place.row
+    turn = own // dr.maximum(place.w, 1)
+    sine, cosine = dr.sincos(mi.Float(turn) * (dr.pi / layout.n))
+    c = 0.5 * (mi.Float(place.w) - 1)
+    down = mi.Float(own - turn * place.w) - c
     x, y = c - c * cosine - down * sine, c - c * sine + down * cosine
-    return Row(depth, map, layout.w, x, y, sine, cosine)
+    return Row(depth, map, place, x, y, sine, cosine)

@@ -26,7 +26,7 @@ from typing import Literal
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels.images.depthmap import BACKGROUND, COVERED, Layout, texel
+from benchharness.kernels.images.depthmap import BACKGROUND, COVERED, Layout, Place, texel
 
 Anchor = Literal["mid", "start"]
 """Through which point of a ray's image its row goes."""
@@ -83,14 +83,14 @@ class Hit:
 
 def project(
     cameras: mi.Float,
-    w: int,
+    w: mi.UInt32 | int,
     map: mi.UInt32,
     o: mi.Point3f,
     d: mi.Vector3f,
     s_min: mi.Float | float = 0.0,
     active: mi.Bool | bool = True,
 ) -> Segment:
-    """The ray o + s d for s >= s_min as map number `map` sees it. d need not have length 1."""
+    """The ray o + s d for s >= s_min as map number `map`, of w x w texels, sees it. d need not have length 1."""
     active = mi.Bool(active)
     rows = [dr.gather(mi.Vector4f, cameras, 4 * map + k, active) for k in range(3)]
     lens = dr.gather(mi.Vector4f, cameras, 4 * map + 3, active)
@@ -100,7 +100,8 @@ def project(
     D = mi.Vector3f(*(row.x * d.x + row.y * d.y + row.z * d.z for row in rows))
 
     # Clip to value + s rate >= 0 for every plane of the frustum.
-    half = 0.5 * w
+    across = mi.Float(w)
+    half = 0.5 * across
     planes = (
         (P.z - zn, D.z),
         (zf - P.z, -D.z),
@@ -118,7 +119,7 @@ def project(
     active &= (low <= high) & (high < FARTHEST)
     low, high = dr.select(active, low, 0), dr.select(active, high, 0)
 
-    c = 0.5 * (w - 1)
+    c = 0.5 * (across - 1)
     scale = dr.rcp(dr.rcp(zn) - dr.rcp(zf))
 
     def seen(s: mi.Float) -> tuple[mi.Vector3f, mi.Float]:
@@ -126,7 +127,7 @@ def project(
         q = dr.fma(D, s, P)
         Z = dr.clip(q.z, zn, zf)
         edge = mi.Vector3f(dr.fma(focal, q.x / Z, c), dr.fma(focal, q.y / Z, c), (dr.rcp(zn) - dr.rcp(Z)) * scale)
-        return dr.clip(edge, mi.Vector3f(-0.5, -0.5, 0), mi.Vector3f(w - 0.5, w - 0.5, 1)), Z
+        return dr.clip(edge, mi.Vector3f(-0.5, -0.5, 0), mi.Vector3f(across - 0.5, across - 0.5, 1)), Z
 
     (a, Z_a), (b, Z_b) = seen(low), seen(high)
     return Segment(a, b, low, high, Z_a, Z_b, map, active)
@@ -142,7 +143,8 @@ def row_of(segment: Segment, layout: Layout, anchor: Anchor) -> tuple[mi.UInt32,
     turn = mi.UInt32(dr.floor(psi * (layout.n / dr.pi) + 0.5))
     turn = dr.select(turn >= layout.n, turn - layout.n, turn)  # pi is 0 with u the other way
     sine, cosine = dr.sincos(mi.Float(turn) * (dr.pi / layout.n))
-    c = 0.5 * (layout.w - 1)
+    place = layout.place(segment.map)
+    c = 0.5 * (mi.Float(place.w) - 1)
 
     def u(q: mi.Vector3f) -> mi.Float:
         """How far along the row a point is, samples."""
@@ -150,8 +152,8 @@ def row_of(segment: Segment, layout: Layout, anchor: Anchor) -> tuple[mi.UInt32,
 
     q = segment.a if anchor == "start" else 0.5 * (segment.a + segment.b)
     down = mi.Int32(dr.floor((q.y - c) * cosine - (q.x - c) * sine + (c + 0.5)))
-    inside = segment.active & (down >= 0) & (down < layout.w)
-    row = (segment.map * layout.n + turn) * layout.w + mi.UInt32(down)
+    inside = segment.active & (down >= 0) & (down < mi.Int32(place.w))
+    row = place.row + turn * place.w + mi.UInt32(down)
     return dr.select(inside, row, 0), inside, u(segment.a), u(segment.b)
 
 
@@ -176,7 +178,11 @@ def meet_rows(
     t, found = mi.Float(1), mi.Bool(False)  # the first hit so far
     is_step = mi.Bool(False)  # whether it is on a step
     is_hidden, u_hidden = mi.Bool(False), mi.Float(0)  # whether the ray runs behind the surface before it, and from where on
-    u, zgl, is_up = mi.Float(layout.w), mi.Float(BACKGROUND), mi.Bool(True)  # the last point, and whether the pen is lifted
+    u, zgl, is_up = (
+        mi.Float(layout.place(segment.map).w),
+        mi.Float(BACKGROUND),
+        mi.Bool(True),
+    )  # the last point, and whether the pen is lifted
     tests = mi.UInt32(0)  # segments tested
     packet = mi.UInt32(0)  # two points each
     while dr.hint(active & (packet < layout.m // 2), label="walk a simplified row"):
@@ -228,12 +234,22 @@ def meet_rows(
 
 
 @dr.syntax
-def meet_texels(segment: Segment, depth: mi.Float, w: int, split_jump: float | None = None, both_sides: bool = False) -> Hit:
+def meet_texels(
+    segment: Segment,
+    depth: mi.Float,
+    w: int,
+    split_jump: float | None = None,
+    both_sides: bool = False,
+    place: Place | None = None,
+) -> Hit:
     """Where rays first meet the map itself, looked at in steps of a texel along their images: slow and plain.
 
+    w           texels on a side of all maps
+    place       where each lane's map lies, for maps of sizes of their own
     split_jump  where neighbouring samples differ by more than this, nothing joins them; None or 0: all are joined
     both_sides  they hit from behind the surface too
     """
+    place = Place(segment.map * (w * w), mi.UInt32(w), mi.UInt32(0)) if place is None else place
     along = segment.b - segment.a
     steps = dr.maximum(mi.UInt32(dr.ceil(dr.maximum(dr.abs(along.x), dr.abs(along.y)))), 1)
     step = dr.rcp(mi.Float(steps))
@@ -249,7 +265,7 @@ def meet_texels(segment: Segment, depth: mi.Float, w: int, split_jump: float | N
         t_k = mi.Float(k) * step
         q = segment.point(t_k)
         is_read = k <= steps
-        zgl = texel(depth, w, segment.map, q.x, q.y, active & is_read)
+        zgl = texel(depth, place, q.x, q.y, active & is_read)
         reads += dr.select(is_read, 1, 0)
         covered, was_covered = zgl < COVERED, before < COVERED
         joined = covered & was_covered

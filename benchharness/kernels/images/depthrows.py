@@ -32,17 +32,26 @@ class Segments:
     following: dr.Local
 
 
-def build(depth: mi.Float, layout: Layout, split_jump: float | None = None) -> tuple[mi.Float, mi.UInt32]:
+def build(
+    depth: mi.Float,
+    layout: Layout,
+    split_jump: float | None = None,
+    maps: mi.UInt32 | None = None,
+    *,
+    wide: bool = False,
+) -> tuple[mi.Float, mi.UInt32]:
     """Simplified rows of all maps, and per row [count, n, w] how many spans were dropped as more than m / 2.
 
     split_jump  where neighbouring samples differ by more than this, a new span starts; None or 0: nowhere
+    maps        per row, whose it is, for maps of sizes of their own
+    wide        spans end half a sample beyond their last ones, as wide as their samples are; else at the middle of those
     """
-    lane = dr.arange(mi.UInt32, layout.row_count)
-    row = row_at(depth, layout, lane)
+    lane = dr.arange(mi.UInt32, layout.row_count if maps is None else dr.width(maps))
+    row = row_at(depth, layout, lane, maps)
     segments = Segments(*(dr.alloc_local(kind, layout.m) for kind in (mi.UInt32, mi.UInt32, mi.UInt32, mi.Float, mi.UInt32)))
     spans, dropped = _spans(row, segments, layout.m // 2, split_jump or 0.0)
     _refine(row, segments, spans, layout.m)
-    return _written(row, segments, spans, lane, layout), dropped
+    return _written(row, segments, spans, lane, layout, wide=wide), dropped
 
 
 @dr.syntax
@@ -156,12 +165,12 @@ def _refine(row: Row, segments: Segments, spans: mi.UInt32, m: int) -> None:
 
 
 @dr.syntax
-def _written(row: Row, segments: Segments, spans: mi.UInt32, lane: mi.UInt32, layout: Layout) -> mi.Float:
+def _written(row: Row, segments: Segments, spans: mi.UInt32, lane: mi.UInt32, layout: Layout, *, wide: bool) -> mi.Float:
     """The points of all segments in order, two to a packet."""
-    rows = dr.empty(mi.Float, 2 * layout.m * layout.row_count)
+    rows = dr.empty(mi.Float, 2 * layout.m * dr.width(lane))
     k = dr.select(spans > 0, mi.UInt32(0), NONE)
-    at_end = mi.Bool(False)
-    u, zgl = mi.Float(-(layout.w + 1.0)), mi.Float(BACKGROUND)
+    at_end, was_up = mi.Bool(False), mi.Bool(True)
+    u, zgl = -(mi.Float(row.w) + 1), mi.Float(BACKGROUND)
     packet = mi.UInt32(0)
     while dr.hint(packet < layout.m // 2, label="write a row"):
         two = []
@@ -171,7 +180,12 @@ def _written(row: Row, segments: Segments, spans: mi.UInt32, lane: mi.UInt32, la
             at = dr.select(at_end, last, first)
             is_up = at_end | (first == last)
             zgl = dr.select(active, row.sample(at, active), zgl)
-            u = dr.select(active, dr.select(is_up, -(mi.Float(at) + 1), mi.Float(at)), u)
+            place = mi.Float(at)
+            if dr.hint(wide, mode="scalar"):
+                half = dr.select(at_end, mi.Float(0.5), dr.select(was_up, mi.Float(-0.5), 0))
+                place = dr.maximum(place + dr.select(first == last, 0, half), 0)
+            was_up = dr.select(active, is_up, was_up)
+            u = dr.select(active, dr.select(is_up, -(place + 1), place), u)
             is_followed = active & (following != NONE)
             goes_on = is_followed & (segments.first.read(following, is_followed) == last)
             k = dr.select(active & (is_up | goes_on), following, k)

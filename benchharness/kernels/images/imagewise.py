@@ -10,10 +10,11 @@ from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
 from benchharness.kernels import pixels
 from benchharness.kernels.differentials import FirstHits
-from benchharness.kernels.images import assembly, bounces, capture, refresh
+from benchharness.kernels.images import assembly, bounces, capture, extent, refresh
 from benchharness.kernels.images.capture import CaptureOptions, DeviceScene
 from benchharness.kernels.images.refresh import Captured
 from benchharness.kernels.images.roles import Plan
@@ -22,11 +23,20 @@ from benchharness.kernels.types import Frame, Reflection, SceneLike
 
 @dataclass
 class State:
-    """What a method keeps: the scene, what was taken of it, and what rays can meet; None before the first `updated`."""
+    """What a method keeps.
+
+    scene      all that does not move
+    captured   what was taken of it
+    impostors  what rays can meet; None before the first `updated`
+    poses      where the parts are since the last `moved`, 12 floats each; None before
+    placed     where they are in `impostors`, float64 [parts, 3, 4]; None likewise
+    """
 
     scene: DeviceScene
     captured: Captured
     impostors: bounces.ImpostorScene | None
+    poses: mi.Float | None = None
+    placed: np.ndarray | None = None
 
 
 def begun(scene: SceneLike, plan: Plan) -> State:
@@ -36,9 +46,28 @@ def begun(scene: SceneLike, plan: Plan) -> State:
 
 def updated(state: State, poses: mi.Float, options: CaptureOptions) -> State:
     """The state with every part where `poses` (12 floats per part) puts it. Waits for the device."""
-    captured = refresh.refreshed(state.scene, state.captured, poses, options)
-    impostors = assembly.assembled(state.scene, captured, poses, options, state.impostors)
-    return State(state.scene, captured, impostors)
+    return _brought(state, poses, options, None)
+
+
+def moved(state: State, poses: mi.Float) -> State:
+    """The state that knows where the parts are, for `seen`."""
+    return replace(state, poses=poses)
+
+
+def seen(state: State, frame: Frame, options: CaptureOptions) -> State:
+    """The state with every part where the last `moved` put it, and pictures as large as they are in a frame. Waits for the
+    device."""
+    assert state.poses is not None
+    return _brought(state, state.poses, options, extent.eye_of(frame))
+
+
+def _brought(state: State, poses: mi.Float, options: CaptureOptions, eye: extent.Eye | None) -> State:
+    before, host = state.captured, refresh.matrices(poses)
+    captured = refresh.refreshed(state.scene, before, poses, host, options, eye)
+    same = not captured.renewed and captured.maps is before.maps and (captured.sizes == before.sizes).all()
+    if same and state.placed is not None and (state.placed == host).all():
+        return replace(state, captured=captured)
+    return replace(state, captured=captured, impostors=assembly.assembled(state.scene, captured, host, options), placed=host)
 
 
 def shown(state: State, frame: Frame, options: bounces.TraceOptions, attenuation: float) -> tuple[Reflection, State]:
@@ -71,9 +100,5 @@ def shown(state: State, frame: Frame, options: bounces.TraceOptions, attenuation
 
 def _taken(captured: Captured) -> dict[str, mi.UInt32]:
     """What the last update has taken and dropped, as counters."""
-    rows = [captured.picture(number).rows for number in captured.renewed]
-    dropped = [own.dropped_in_all for own in rows if own is not None]
-    return {
-        "pictures_taken": dr.opaque(mi.UInt32, len(captured.renewed)),
-        "spans_dropped": dr.concat(dropped) if dropped else mi.UInt32(0),
-    }
+    dropped = captured.rows.dropped_last if captured.rows is not None and captured.renewed else mi.UInt32(0)
+    return {"pictures_taken": dr.opaque(mi.UInt32, len(captured.renewed)), "spans_dropped": dropped}

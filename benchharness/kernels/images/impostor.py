@@ -9,14 +9,10 @@ This file measures the parts and places the cameras, on the host; `kernels.image
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
-import drjit as dr
-import mitsuba as mi
 import numpy as np
 import trimesh
-
-from benchharness.kernels.types import View
 
 FIELD = np.radians(10.0)  # full angle that a camera sees (PMDS06 3)
 FLAT = 0.05  # thickness over length up to which a part is a plane
@@ -74,11 +70,13 @@ def _plane(points: np.ndarray, centroid: np.ndarray) -> np.ndarray | None:
 
 @dataclass(frozen=True, eq=False)
 class ImpostorCamera:
-    """An impostor camera: where it stands and what it sees, float64, world space unless said.
+    """An impostor camera, or many at once: where it stands and what it sees, float64, in world space unless said.
 
-    centre   B: the camera looks at it along -k; the billboard lies in the plane through it with normal k
-    a, b, k  unit axes: columns of the picture grow along a, rows along b, a x b = -k
-    half     half the width and height of what is seen, in the billboard's plane
+    Fields of many have the same leading axes, here left out.
+
+    centre   B [3]: the camera looks at it along -k; the billboard lies in the plane through it with normal k
+    a, b, k  unit axes [3]: columns of the picture grow along a, rows along b, a x b = -k
+    half     half the width and height of what is seen, in the billboard's plane, [2]
     distance of the camera from B
     near, far  depths between which the part lies
     """
@@ -87,33 +85,50 @@ class ImpostorCamera:
     a: np.ndarray
     b: np.ndarray
     k: np.ndarray
-    half: tuple[float, float]
-    distance: float
-    near: float
-    far: float
+    half: np.ndarray
+    distance: np.ndarray
+    near: np.ndarray
+    far: np.ndarray
 
     @property
     def eye(self) -> np.ndarray:
-        """Where the camera is, float64 [3]."""
-        return self.centre + self.distance * self.k
+        """Where the camera is, [3]."""
+        return self.centre + self.distance[..., None] * self.k
 
     def moved(self, pose: np.ndarray) -> ImpostorCamera:
-        """Carried by a rigid pose, float64 [3, 4]."""
-        turn, shift = pose[:, :3], pose[:, 3]
-        a, b, k = (turn @ axis for axis in (self.a, self.b, self.k))
-        return replace(self, centre=turn @ self.centre + shift, a=a, b=b, k=k)
+        """Carried by a rigid pose, float64 [3, 4]; many of them each by its own, or all by one."""
+        turn, shift = pose[..., :3], pose[..., 3]
+        a, b, k = (np.einsum("...ij,...j->...i", turn, axis) for axis in (self.a, self.b, self.k))
+        return replace(self, centre=np.einsum("...ij,...j->...i", turn, self.centre) + shift, a=a, b=b, k=k)
+
+    def at(self, numbers: np.ndarray) -> ImpostorCamera:
+        """Some of many."""
+        return ImpostorCamera(*(getattr(self, field.name)[numbers] for field in fields(self)))
+
+    def put(self, numbers: np.ndarray, others: ImpostorCamera) -> None:
+        """Writes others in the places `numbers`."""
+        for field in fields(self):
+            getattr(self, field.name)[numbers] = getattr(others, field.name)
+
+
+def many(count: int) -> ImpostorCamera:
+    """Room for so many cameras: until `put` writes others, all see a cube of side 2 around the origin from above."""
+    axes = [np.tile(axis, (count, 1)) for axis in ([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0])]
+    distance = 1 / np.sin(0.5 * FIELD)
+    numbers = [np.full(count, number) for number in (distance, distance - 1, distance + 1)]
+    return ImpostorCamera(*axes, np.ones((count, 2)), *numbers)
 
 
 def facing(shape: Shape, towards: np.ndarray) -> ImpostorCamera:
-    """The camera that looks at a part from the direction `towards` [3], in the part's space.
+    """The camera that looks at a part from the direction `towards` [3], in the part's space; from [N, 3], as many.
 
     Its field of view just holds the sphere around the part: distance radius / sin(5 degrees). A `towards` of no length
     stands for the direction upwards.
     """
-    length = np.linalg.norm(towards)
-    k = towards / length if length > 1e-9 * shape.radius else np.array([0.0, 0.0, 1.0])
-    a = np.cross([0.0, 0.0, 1.0] if abs(k[2]) < 0.99 else [0.0, 1.0, 0.0], k)
-    a /= np.linalg.norm(a)
+    length = np.linalg.norm(towards, axis=-1, keepdims=True)
+    k = np.where(length > 1e-9 * shape.radius, towards / np.maximum(length, 1e-300), [0.0, 0.0, 1.0])
+    a = np.cross(np.where(np.abs(k[..., 2:]) < 0.99, [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]), k)
+    a /= np.linalg.norm(a, axis=-1, keepdims=True)
     distance = shape.radius / np.sin(0.5 * FIELD)
     half = distance * np.tan(0.5 * FIELD)
     return _around(shape, shape.centroid, (a, np.cross(a, k), k), (half, half), distance)
@@ -136,45 +151,42 @@ def _around(
     half: tuple[float, float],
     distance: float,
 ) -> ImpostorCamera:
-    """The camera with its near and far depths around a part."""
-    depth = distance - (shape.vertices - centre) @ axes[2]
+    """Cameras with their near and far depths around a part."""
+    a, b, k = axes
+    height = (shape.vertices - centre) @ np.moveaxis(k, -1, 0)
     margin = 1e-4 * shape.radius
     return ImpostorCamera(
-        centre, *axes, half=half, distance=distance, near=float(depth.min()) - margin, far=float(depth.max()) + margin
+        centre=np.broadcast_to(centre, k.shape),
+        a=a,
+        b=b,
+        k=k,
+        half=np.broadcast_to(half, (*k.shape[:-1], 2)),
+        distance=np.broadcast_to(distance, k.shape[:-1]),
+        near=distance - height.max(axis=0) - margin,
+        far=distance - height.min(axis=0) + margin,
     )
 
 
-def view_of(camera: ImpostorCamera, width: int) -> View:
-    """The camera on the device, for a picture of width x width texels."""
-    focal = [0.5 * width * camera.distance / half for half in camera.half]
-    eye, forward = camera.eye, -camera.k
+def onto(camera: ImpostorCamera, size: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """What takes a point P to (column, row, 1) depth / distance, where the camera sees it: float64 [3, 4], times (P, 1).
 
-    def row(direction: np.ndarray) -> mi.Vector4f:
-        return mi.Vector4f(*map(float, direction), float(-np.dot(direction, eye)))
-
-    right, down = camera.a / focal[0], camera.b / focal[1]
-    made = View(
-        eye=mi.Point3f(*map(float, eye)),
-        x=row(focal[0] * camera.a + 0.5 * width * forward),
-        y=row(focal[1] * camera.b + 0.5 * width * forward),
-        w=row(forward),
-        right=mi.Vector3f(*map(float, right)),
-        down=mi.Vector3f(*map(float, down)),
-        axis=mi.Vector3f(*map(float, forward - 0.5 * width * (right + down))),
-        depth=mi.Float(0),
-        origin=mi.Point3f(*map(float, eye)),
-        near=mi.Float(0.5 * camera.near),
-        width=width,
-        height=width,
-    )
-    dr.make_opaque(made)
-    return made
+    size         texels across the picture
+    column, row  of its first texel, amid others
+    """
+    focal = 0.5 * np.asarray(size)[..., None] * camera.distance[..., None] / camera.half
+    corner = np.stack([column, row], axis=-1) + 0.5 * np.asarray(size)[..., None]
+    x = focal[..., :1] * camera.a - corner[..., :1] * camera.k
+    y = focal[..., 1:] * camera.b - corner[..., 1:] * camera.k
+    turn = np.stack([x, y, -camera.k], axis=-2) / camera.distance[..., None, None]
+    return np.concatenate([turn, -np.einsum("...ij,...j->...i", turn, camera.eye)[..., None]], axis=-1)
 
 
-def packet_of(camera: ImpostorCamera, width: int, start: float) -> list[float]:
-    """The camera of a depth map of width x width texels, 16 numbers as `kernels.images.relief` reads them.
+def packets_of(camera: ImpostorCamera, size: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """The cameras of N depth maps of size x size texels, float64 [N, 4, 4] as `kernels.images.relief` reads them.
 
     start  how far a ray runs, metres, before it may meet this map
     """
-    rows = [[*axis, -float(np.dot(axis, camera.eye))] for axis in (camera.a, camera.b, -camera.k)]
-    return [*rows[0], *rows[1], *rows[2], 0.5 * width * camera.distance / camera.half[0], camera.near, camera.far, start]
+    axes = np.stack([camera.a, camera.b, -camera.k], axis=1)
+    rows = np.concatenate([axes, -np.einsum("nij,nj->ni", axes, camera.eye)[..., None]], axis=2)
+    lens = np.stack([0.5 * size * camera.distance / camera.half[:, 0], camera.near, camera.far, start], axis=1)
+    return np.concatenate([rows, lens[:, None]], axis=1)

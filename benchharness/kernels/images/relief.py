@@ -84,16 +84,17 @@ def nearest(reliefs: Reliefs, columns: int, ray: Ray, nearer: mi.Float, walk: Wa
         listed = candidate != NONE
         candidate = dr.select(listed, candidate, 0)
         start = dr.gather(mi.Float, reliefs.cameras, candidate * 16 + 15)
-        segment = depthray.project(reliefs.cameras, reliefs.layout.w, candidate, ray.o, ray.d, start, listed)
+        place = reliefs.layout.place(candidate)
+        segment = depthray.project(reliefs.cameras, place.w, candidate, ray.o, ray.d, start, listed)
         segment.active &= segment.s_a < t
         hidden = mi.Float(dr.inf)
         if segment.active:  # many rays pass by
             if dr.hint(reliefs.rows is None, mode="scalar"):
-                hit = depthray.meet_texels(segment, reliefs.depth, reliefs.layout.w, walk.split_jump)
+                hit = depthray.meet_texels(segment, reliefs.depth, reliefs.layout.w, walk.split_jump, place=place)
             else:
                 hit = depthray.meet_rows(segment, reliefs.rows, reliefs.layout, walk.anchor, dropped=reliefs.dropped)
                 # The row lies beside the ray's image: what it shows may not be in the picture there.
-                there = depthmap.texel(reliefs.depth, reliefs.layout.w, candidate, hit.x, hit.y, hit.found)
+                there = depthmap.texel(reliefs.depth, place, hit.x, hit.y, hit.found)
                 hit.found &= there < depthmap.COVERED
             distance = segment.distance(hit.t)
             closer = hit.found & (distance < t)
@@ -108,7 +109,7 @@ def nearest(reliefs: Reliefs, columns: int, ray: Ray, nearer: mi.Float, walk: Wa
         part = mi.UInt32(shown)
         column += 1
     found = nearest_map != NONE
-    per_texel = 2.0 / reliefs.layout.w
+    per_texel = 2 * dr.rcp(mi.Float(reliefs.layout.place(dr.select(found, nearest_map, 0)).w))
     slot = dr.gather(mi.UInt32, reliefs.slots, nearest_map, found)
     u, v = (x + 0.5) * per_texel - 1, (y + 0.5) * per_texel - 1
     return Hit(dr.select(found, t, dr.inf), slot, u, v, work, doubt, dr.minimum(missed, lost))

@@ -17,6 +17,7 @@ Every picture has a number, its slot.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -75,15 +76,36 @@ class Plan:
     bounds: set[int]
     ground: int | None = None
 
-    @property
+    @cached_property
     def plane_slots(self) -> int:
         """How many slots are planes'."""
         return sum(slot.mirror is None for slot in self.slots)
 
-    @property
+    @cached_property
     def deep_slots(self) -> list[int]:
         """The slots that are shown as depth maps, ascending."""
         return sorted({slot for objects, mirrors in self.maps for slot in (*objects, *mirrors)})
+
+    @cached_property
+    def parts(self) -> np.ndarray:
+        """What each slot shows, int [slots]."""
+        return np.array([slot.part for slot in self.slots], int)
+
+    @cached_property
+    def owners(self) -> np.ndarray:
+        """The part that is each slot's mirror, int [slots]; -1 for a plane's."""
+        owners = (slot.owner(self.objects) for slot in self.slots)
+        return np.array([-1 if owner is None else owner for owner in owners], int)
+
+    @cached_property
+    def centroids(self) -> np.ndarray:
+        """Of all parts, in their own space, float64 [parts, 3]."""
+        return np.array([shape.centroid for shape in self.shapes]).reshape(-1, 3)
+
+    @cached_property
+    def radii(self) -> np.ndarray:
+        """Of the spheres around the centroids of all parts, float64 [parts]."""
+        return np.array([shape.radius for shape in self.shapes])
 
 
 def plan(scene: SceneLike, *, maps: int = 0, own_maps: int = 0, mirrors: bool = True, ground: int | None = None) -> Plan:

@@ -10,7 +10,7 @@ import pytest
 from oracles.billboard_oracle import SIZE, Quads, bilinear, device, quads, vectors
 
 from benchharness.kernels.differentials import RayDifferential
-from benchharness.kernels.images import billboard
+from benchharness.kernels.images import atlas, billboard
 from benchharness.kernels.images.candidates import NONE, Ray
 
 
@@ -40,7 +40,7 @@ def pyramid(texels: np.ndarray) -> list[np.ndarray]:
 @pytest.mark.parametrize("size", [4, 8, 64])
 def test_each_level_is_the_mean_of_the_one_before(size):
     texels = noise(size, size, 4)
-    made = np.array(billboard.with_levels(device(texels), size)).reshape(-1, 4)
+    made = np.array(atlas.with_levels(device(texels), size, size, atlas.levels_of(size, True))).reshape(-1, 4)
     expected = np.concatenate([level.reshape(-1, 4) for level in pyramid(texels)])
     pictures = billboard.Pictures(device(made), size, True)
     assert pictures.levels == len(pyramid(texels))
@@ -51,7 +51,7 @@ def test_each_level_is_the_mean_of_the_one_before(size):
 @pytest.mark.parametrize("mip", [True, False])
 def test_lookup_is_bilinear_in_the_nearest_level(mip):
     slots = noise(3, 32, 32, 4)
-    own = [billboard.with_levels(device(t), 32) if mip else device(t) for t in slots]
+    own = [atlas.with_levels(device(t), 32, 32, 4) if mip else device(t) for t in slots]
     pictures = billboard.Pictures(device(np.concatenate([np.array(t) for t in own])), 32, mip)
     rng = np.random.default_rng(1)
     count = 400
@@ -159,8 +159,9 @@ def test_the_level_is_that_at_which_texels_are_as_long_as_rays_are_apart_whichev
     for factor in (1.0, 2.0, 8.0, 0.5):
         apart = device(factor * 2 * made.half.max(axis=1) / SIZE)
         for a, b in ((one, other), (other, one)):
-            np.testing.assert_allclose(np.array(billboard.level_of(pictures, a, b, apart)), np.log2(factor), atol=1e-4)
-    assert np.isfinite(np.array(billboard.level_of(pictures, one, other, mi.Float(0)))).all()
+            level = billboard.level_of(pictures, mi.UInt32(0), a, b, apart)
+            np.testing.assert_allclose(np.array(level), np.log2(factor), atol=1e-4)
+    assert np.isfinite(np.array(billboard.level_of(pictures, mi.UInt32(0), one, other, mi.Float(0)))).all()
 
 
 def test_rays_that_part_are_as_far_apart_as_the_nearer_of_both_neighbours():
@@ -174,7 +175,7 @@ def test_rays_that_part_are_as_far_apart_as_the_nearer_of_both_neighbours():
 def test_a_ray_whose_neighbours_are_far_sees_a_coarser_level():
     texels = np.concatenate([noise(SIZE, SIZE, 3), np.ones((SIZE, SIZE, 1))], axis=2)
     made = wall(texels)
-    pictures = billboard.Pictures(billboard.with_levels(device(texels), SIZE), SIZE, True)
+    pictures = billboard.Pictures(atlas.with_levels(device(texels), SIZE, SIZE, 3), SIZE, True)
     for level in (0, 1, 2):
         apart = 2.0**level * 2 / SIZE
         differential = RayDifferential(

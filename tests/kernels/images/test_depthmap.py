@@ -170,5 +170,5 @@ def test_impossible_sizes_are_named(sizes, text):
 def test_a_texel_reaches_half_way_to_its_neighbours():
     depth = device(np.arange(16).reshape(4, 4) / 16)
     x, y = mi.Float([1.49, 1.51, -0.49, -0.51, 3.49, 3.51]), mi.Float([2.0] * 6)
-    found = np.array(depthmap.texel(depth, 4, mi.UInt32(0), x, y))
+    found = np.array(depthmap.texel(depth, depthmap.Layout(1, 4, 1, 2).place(mi.UInt32(0)), x, y))
     np.testing.assert_allclose(found, [9 / 16, 10 / 16, 8 / 16, BACKGROUND, 11 / 16, BACKGROUND])
