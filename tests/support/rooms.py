@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 MAY = {
-    "kernels": "",
+    "kernels": "cache",
     "modelling": "",
     "scene": "modelling kernels",
     "regime": "scene",

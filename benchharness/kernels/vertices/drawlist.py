@@ -1,7 +1,7 @@
 """Draw lists: which vertices are searched, and which triangles drawn, in a group of mirrors that are solved together.
 
 A list has, for every mirror and every part that it can show, the vertices and triangles of one of the part's levels of detail
-(`modelling.levels`). Without levels, it has the scene itself once per mirror. Triangles name those of the scene that they
+(`levels`). Without levels, it has the scene itself once per mirror. Triangles name those of the scene that they
 stand for.
 """
 
@@ -18,8 +18,7 @@ import numpy as np
 from benchharness.kernels import geometry, packets, raster
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.types import Frame, MeshLike, SceneLike
-from benchharness.kernels.vertices import patches
-from benchharness.modelling import levels
+from benchharness.kernels.vertices import levels, patches
 
 NONE = 0xFFFF_FFFF
 LEFT_OUT = -1  # the level of a part that a mirror cannot show

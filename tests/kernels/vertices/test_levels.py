@@ -9,7 +9,7 @@ import pytest
 from support.mirror_room import ball
 from support.small_room import box
 
-from benchharness.modelling import levels
+from benchharness.kernels.vertices import levels
 from benchharness.scene import subdivided
 
 
