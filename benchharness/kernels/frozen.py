@@ -51,6 +51,12 @@ def _numbers(value: Any) -> Iterator[int | float]:
             yield from _numbers(one)
     elif isinstance(value, dict):
         yield from _numbers(list(value.values()))
-    elif is_dataclass(value):
-        for field in fields(value):
-            yield from _numbers(getattr(value, field.name))
+    else:
+        for name in _names(type(value)):
+            yield from _numbers(getattr(value, name))
+
+
+@functools.cache
+def _names(kind: type) -> tuple[str, ...]:
+    """The fields of a dataclass; none of another type."""
+    return tuple(field.name for field in fields(kind)) if is_dataclass(kind) else ()

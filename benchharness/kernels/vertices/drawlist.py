@@ -148,10 +148,18 @@ class DrawList:
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """The level of every part in every mirror of a group, int [mirrors, parts], with what is made of it."""
+    """What was chosen for a group of mirrors.
+
+    level   of every part in every mirror, int [mirrors, parts]
+    starts  the first lane of each, -1 for none
+    lanes   per mirror and vertex of the scene, the lane in which it is searched, NONE where it is not: its part is left out, or
+            coarser
+    made    the list
+    """
 
     level: np.ndarray
     starts: np.ndarray
+    lanes: list[mi.UInt32]
     made: DrawList
 
 
@@ -240,7 +248,19 @@ def _made(stock: Stock, group: list[int], objects: int, level: np.ndarray) -> Ch
     packed, named = np.concatenate([*faces, spare]), np.concatenate([*names, np.full(more, NONE)])
     on_device = [mi.UInt32(np.asarray(a, np.uint32).ravel()) for a in (source, owner[mirror], mirror, packed, named)]
     on_device += [mi.UInt32(a.astype(np.uint32)) for a in (owner[face_mirror], face_mirror)]
-    return Choice(level, starts, DrawList(*on_device, vertices, triangles))
+    return Choice(level, starts, _lanes(stock, level, starts), DrawList(*on_device, vertices, triangles))
+
+
+def _lanes(stock: Stock, level: np.ndarray, starts: np.ndarray) -> list[mi.UInt32]:
+    """`Choice.lanes`."""
+    lanes = []
+    for levels_, firsts in zip(level, starts, strict=True):
+        rows = [
+            first + place if of == 0 else np.full(len(place), NONE)
+            for of, first, place in zip(levels_, firsts, stock.places, strict=True)
+        ]
+        lanes.append(mi.UInt32(np.concatenate(rows).astype(np.uint32)))
+    return lanes
 
 
 @frozen
@@ -290,13 +310,3 @@ def _gathered(old: Any, cold: Any, index: mi.UInt32, count: int) -> Any:
         return dr.select(known, dr.gather(kind, old, place * each + lane % each, known), cold)
     known = index != NONE
     return dr.select(known, dr.gather(kind, old, index, known), cold)
-
-
-def lanes(choice: Choice, stock: Stock, k: int) -> mi.UInt32:
-    """Per vertex of the scene, the lane in which it is searched in mirror number k of the group, NONE where it is not: its part
-    is left out, or coarser."""
-    rows = []
-    for p, place in enumerate(stock.places):
-        here = choice.level[k, p] == 0
-        rows.append(choice.starts[k, p] + place if here else np.full(len(place), NONE))
-    return mi.UInt32(np.concatenate(rows).astype(np.uint32))

@@ -275,7 +275,8 @@ def _by_rays(seen: Scenery, beside: mi.UInt32, frame: Frame, drawn: list[_Drawn]
     covering, small = (dr.full(mi.UInt32, adjacency.NONE, dr.width(frame.pixels)) for _ in range(2))
     for one in drawn:
         assert one.choice is not None
-        own, called = one.target.own, virtual.named(one.nearest, one.target, one.choice.made.names)
+        own, made = one.target.own, one.choice.made
+        called = virtual.named(one.nearest, one.target, made.names, made.face_count)
         lane = dr.gather(mi.UInt32, number, one.pixel, own)
         for names, named in zip((covering, small), called, strict=True):
             dr.scatter(names, named, lane, own)
@@ -294,8 +295,8 @@ def _reported(seen: Scenery, solved: list[Solved], kept: list[Kept]) -> tuple[Ve
     for group, one, keeps in zip(seen.groups, solved, kept, strict=True):
         for k, i in enumerate(group):
             found[i] = one.vertices
-            if keeps.choice is not None and seen.stock is not None:
-                found[i] = _of_scene(one.vertices, drawlist.lanes(keeps.choice, seen.stock, k))
+            if keeps.choice is not None:
+                found[i] = _of_scene(one.vertices, keeps.choice.lanes[k])
     parts = [found[i] for i in sorted(found)]
     vertices = _joined_vertices(parts)
     most = max(len(part.further) for part in parts)
@@ -307,7 +308,7 @@ def _reported(seen: Scenery, solved: list[Solved], kept: list[Kept]) -> tuple[Ve
 
 
 def _of_scene(found: Vertices, lanes: mi.UInt32) -> Vertices:
-    """What was found of the scene's vertices, zeros of those that were not searched. `lanes`: as `drawlist.lanes` has them."""
+    """What was found of the scene's vertices, zeros of those that were not searched. `lanes`: as `drawlist.Choice` has them."""
     known = lanes != drawlist.NONE
     arrays = {name: dr.gather(type(a), a, lanes, known) for name in NAMES for a in [getattr(found, name)]}
     return Vertices(**arrays, further=[_of_scene(one, lanes) for one in found.further])

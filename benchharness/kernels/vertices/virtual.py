@@ -143,14 +143,14 @@ def _interpolated(shown: Nearest, target: Target, banded: mi.UInt32 | None, dept
 
 
 @frozen
-def named(shown: Nearest, target: Target, names: mi.UInt32) -> tuple[mi.UInt32, mi.UInt32]:
+def named(shown: Nearest, target: Target, names: mi.UInt32, count: int) -> tuple[mi.UInt32, mi.UInt32]:
     """What the triangle that covers a pixel is called, and what the small one that is seen in it, `raster.NONE` where there is
-    none. `names`: of the triangles, whose images come once or several times, in their order."""
+    none. `names`: of the `count` triangles, whose images come once or several times, in their order."""
     assert shown.small is not None
     pixel = dr.arange(mi.UInt32, target.view.width * target.view.height)
 
     def called(triangle: mi.UInt32) -> mi.UInt32:
         there = target.own & (triangle != raster.NONE)
-        return dr.select(there, dr.gather(mi.UInt32, names, triangle % dr.width(names), there), raster.NONE)
+        return dr.select(there, dr.gather(mi.UInt32, names, triangle % count, there), raster.NONE)
 
     return called(raster.winner_at(shown.visibility, target.view, pixel, target.own)), called(shown.small)
