@@ -125,7 +125,8 @@ def shown(asked: Asked, frame: Frame, number: mi.UInt32, named: Named, walled: m
         hits = _asked_around(asked, pixels, hits, border)
     wrong = dr.compress(_is_wrong(asked, pixels, hits))
     if dr.width(wrong) > 0:
-        hits = _asked_for(asked, pixels, hits, wrong, dr.arange(mi.UInt32, PLACES * dr.width(wrong)))
+        places = dr.arange(mi.UInt32, PLACES * dr.width(wrong))
+        hits = _of_keys(_asked_for(asked, pixels, hits, _keys(hits), wrong, places))
     should = _should_meet(pixels, walled)
     lost = dr.compress(should & (hits.triangle == NONE))
     if dr.width(lost) > 0:
@@ -200,10 +201,9 @@ def _is_wrong(asked: Asked, pixels: Pixels, hits: Hit) -> mi.Bool:
 
 
 @frozen
-def _asked_for(asked: Asked, pixels: Pixels, hits: Hit, centres: mi.UInt32, place: mi.UInt32) -> Hit:
-    """Hits, after the pixels around `centres` have asked for what these name and see; `place` counts PLACES for each."""
-    centre = dr.gather(mi.UInt32, centres, place // PLACES)
-    place %= PLACES
+def _asked_for(asked: Asked, pixels: Pixels, hits: Hit, keys: mi.UInt64, centres: mi.UInt32, number: mi.UInt32) -> mi.UInt64:
+    """Hits, after the pixels around `centres` have asked for what these name and see; `number` counts PLACES for each."""
+    centre, place = dr.gather(mi.UInt32, centres, number // PLACES), number % PLACES
     x, y = _around(place % len(AROUND))
     reach = mi.Int32(REACH[0])
     for k in range(1, len(REACH)):
@@ -215,9 +215,20 @@ def _asked_for(asked: Asked, pixels: Pixels, hits: Hit, centres: mi.UInt32, plac
     about = [dr.select(inside, dr.gather(mi.UInt32, names, centre, inside), NONE) for names in (pixels.named, hits.triangle)]
     near = dr.gather(mi.Float, hits.t, centre, inside)
     best = meshwalk.asks(asked, pixels.ray(other, inside), best, lambda k: (dr.select(k == 0, *about), near), len(about))
-    keys = _key(hits)
-    dr.eval(keys)
-    dr.scatter_reduce(dr.ReduceOp.Min, keys, _key(best), other, inside & (best.t < t))
+    # Not on copies of the keys that are put together afterwards: of as many as there are, a recording would not know.
+    dr.scatter_reduce(dr.ReduceOp.Min, keys, _key(best), other, inside & (best.t < t), dr.ReduceMode.Direct)
+    return keys
+
+
+@frozen
+def _keys(hits: Hit) -> mi.UInt64:
+    """`_key` of all hits."""
+    return _key(hits)
+
+
+@frozen
+def _of_keys(keys: mi.UInt64) -> Hit:
+    """What was nearest, from its key."""
     return Hit(mi.UInt32(keys & NONE), dr.reinterpret_array(mi.Float, mi.UInt32(keys >> 32)))
 
 

@@ -48,5 +48,5 @@ def slivers(
     best = dr.zeros(mi.UInt64, view.width * view.height)
     bits = dr.reinterpret_array(mi.UInt32, near)
     bits = dr.select(near < 0, ~bits, bits | 0x8000_0000)  # in the order of the numbers
-    dr.scatter_reduce(dr.ReduceOp.Max, best, (mi.UInt64(bits) << 32) | mi.UInt64(~triangle), pixel, here)
+    dr.scatter_reduce(dr.ReduceOp.Max, best, (mi.UInt64(bits) << 32) | mi.UInt64(~triangle), pixel, here, dr.ReduceMode.Direct)
     return dr.select(best == 0, raster.NONE, ~mi.UInt32(best & 0xFFFF_FFFF))
