@@ -6,7 +6,7 @@ the triangle of the mesh that it stands for.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import fast_simplification
 import numpy as np
@@ -67,16 +67,18 @@ def _chain(vertices: np.ndarray, faces: np.ndarray) -> list[Level]:
     sound = np.flatnonzero((joined != np.roll(joined, 1, axis=1)).all(axis=1))
     if not len(sound):
         return [Level(points, joined, np.arange(len(faces)), 0.0)]
-    levels = [whole := Level(points, joined[sound], sound, 0.0)]
-    borders = (False, True) if _is_open(whole.faces) else (False,)
-    hastes = HASTES if len(sound) < MANY else HASTES[1:]
-    for k in range(1, HALVINGS):
-        count, least = FEWEST + len(sound) // 2**k, SHRINKS * len(levels[-1].faces)
-        made = [_simplified(whole, count, haste, border=border) for haste in hastes for border in borders]
-        made = [level for level in made if level is not None and len(level.faces) <= least]
-        if made:
-            best = min(made, key=lambda level: (level.error, len(level.faces)))
-            levels.append(replace(best, error=max(best.error, levels[-1].error)))
+    whole = Level(points, joined[sound], sound, 0.0)
+    made = [
+        level
+        for haste in (HASTES if len(sound) < MANY else HASTES[1:])
+        for border in ((False, True) if _is_open(whole.faces) else (False,))
+        for k in range(1, HALVINGS)
+        if (level := _simplified(whole, FEWEST + len(sound) // 2**k, haste, border=border)) is not None
+    ]
+    levels = [whole]
+    for level in sorted(made, key=lambda level: (level.error, len(level.faces))):
+        if len(level.faces) <= SHRINKS * len(levels[-1].faces):
+            levels.append(level)
     return levels
 
 
