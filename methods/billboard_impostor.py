@@ -73,8 +73,6 @@ class BillboardImpostor(Method):
         return imagewise.begun(scene, roles.plan(scene, mirrors=self.other_mirrors != "omitted", ground=ground))
 
     def update(self, state: imagewise.State, frame: Frame) -> imagewise.State:
-        if self.sizes == "seen":
-            return imagewise.moved(state, frame.poses)
         return imagewise.updated(state, frame.poses, self._capture())
 
     def _capture(self) -> CaptureOptions:
@@ -90,7 +88,6 @@ class BillboardImpostor(Method):
         )
 
     def shade(self, state: imagewise.State, frame: Frame) -> tuple[Reflection, imagewise.State]:
-        if self.sizes == "seen":
-            state = imagewise.seen(state, frame, self._capture())
+        state = imagewise.seen(state, frame, self._capture())
         options = bounces.TraceOptions(second_bounce=self.other_mirrors == "reflective", doubts=frame.doubts)
         return imagewise.shown(state, frame, options, self.attenuation)

@@ -99,8 +99,6 @@ class DepthImpostor(Method):
         return imagewise.begun(scene, planned)
 
     def update(self, state: imagewise.State, frame: Frame) -> imagewise.State:
-        if self.sizes == "seen":
-            return imagewise.moved(state, frame.poses)
         return imagewise.updated(state, frame.poses, self._capture())
 
     def _capture(self) -> CaptureOptions:
@@ -119,8 +117,7 @@ class DepthImpostor(Method):
         )
 
     def shade(self, state: imagewise.State, frame: Frame) -> tuple[Reflection, imagewise.State]:
-        if self.sizes == "seen":
-            state = imagewise.seen(state, frame, self._capture())
+        state = imagewise.seen(state, frame, self._capture())
         options = bounces.TraceOptions(
             second_bounce=self.other_mirrors == "reflective",
             doubts=frame.doubts,

@@ -99,7 +99,8 @@ class Newton(Method):
     }
 
     def prepare(self, scene: Scene) -> State:
-        mirrors = [_mesh(reflector) for reflector in scene.reflectors]
+        meshes = [_mesh(reflector) for reflector in scene.reflectors]
+        searched, mirrors = [mesh for mesh, _ in meshes], [walked for _, walked in meshes]
         seeds = [
             several.seeds(r.mesh.vertices, r.mesh.normals, r.mesh.faces, backs=r.closed is None)
             if self.multi > 1 and not mesh.convex
@@ -110,9 +111,6 @@ class Newton(Method):
         groups = [[i] for i, mesh in enumerate(mirrors) if not mesh.convex or len(together) == 1]
         if len(together) > 1:
             groups.append(together)
-        searched = [
-            r.closed if r.closed is not None and m.convex else r.mesh for r, m in zip(scene.reflectors, mirrors, strict=True)
-        ]
         joined = [None if len(group) == 1 else _joined([searched[i] for i in group]) for group in groups]
         scenery = vertexwise.scenery(scene, searched, self.resolve, self.lod_px, groups)
         return State(scenery, mirrors, seeds, joined, [], None)
@@ -164,15 +162,16 @@ def _joined(meshes: list[Mesh]) -> mirrormesh.Joined:
     return mirrormesh.joined([(mesh.vertices, mesh.normals, mesh.faces) for mesh in meshes])
 
 
-def _mesh(reflector: Reflector) -> MirrorMesh:
-    """The closed stand-in if it is convex: then it has no more reflections than the sheet that is seen, and no rim. Else the
-    sheet: on a bowl's wall or the inside of a ring, walks would end on sides that the eye never sees."""
+def _mesh(reflector: Reflector) -> tuple[Mesh, MirrorMesh]:
+    """What is searched, and that ready to be walked on. The closed stand-in if it is convex: then it has no more reflections
+    than the sheet that is seen, and no rim. Else the sheet: on a bowl's wall or the inside of a ring, walks would end on sides
+    that the eye never sees."""
     sheet, closed = reflector.mesh, reflector.closed
     if closed is not None:
         solid = mirrormesh.build(closed.vertices, closed.normals, closed.faces)
         if solid.convex:
-            return solid
-    return mirrormesh.build(sheet.vertices, sheet.normals, sheet.faces, backs=closed is None)
+            return closed, solid
+    return sheet, mirrormesh.build(sheet.vertices, sheet.normals, sheet.faces, backs=closed is None)
 
 
 @frozen

@@ -42,6 +42,12 @@ def frozen(function: Callable[P, R]) -> Callable[P, R]:
     return call
 
 
+def roomy(count: int) -> int:
+    """`count` rounded up to three significant bits and a multiple of 16, not 0: a few sizes, so that few are recorded."""
+    step = 1 << max(count.bit_length() - 3, 4)
+    return max(-(-count // step), 1) * step
+
+
 def _numbers(value: Any) -> Iterator[int | float]:
     """All Python numbers in a tree of arguments, in order."""
     if isinstance(value, int | float):

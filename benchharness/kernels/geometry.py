@@ -136,9 +136,10 @@ def placed_seen(triangles: Geometry, poses: mi.Float, objects: int) -> Geometry:
     return world
 
 
-def posed(points: mi.Float, vertex_count: int, poses: mi.Float) -> mi.Float:
-    """Points in world space. `poses`: 12 floats per part, the rows of its 3 x 4 object-to-world matrix."""
-    p, rows = _pose_of(points, vertex_count, poses)
+def posed(points: mi.Float, vertex_count: int, poses: mi.Float, source: mi.UInt32 | None = None) -> mi.Float:
+    """Points in world space. `poses`: 12 floats per part, the rows of its 3 x 4 object-to-world matrix. `source`: the number of
+    each of `vertex_count` points, where that is not its place."""
+    p, rows = _pose_of(points, vertex_count, poses, source)
     q = mi.Vector4f(p.x, p.y, p.z, 1.0)
     return packets.stored(mi.Vector4f(*(dr.dot(row, q) for row in rows), p.w), vertex_count)
 
@@ -156,8 +157,10 @@ def turned_of(n: mi.Vector3f, poses: mi.Float, part: mi.UInt32, active: mi.Bool)
     return mi.Vector3f(*(dr.dot(dr.gather(mi.Vector4f, poses, part * 3 + k, active).xyz, n) for k in range(3)))
 
 
-def _pose_of(points: mi.Float, vertex_count: int, poses: mi.Float) -> tuple[mi.Vector4f, list[mi.Vector4f]]:
+def _pose_of(
+    points: mi.Float, vertex_count: int, poses: mi.Float, source: mi.UInt32 | None = None
+) -> tuple[mi.Vector4f, list[mi.Vector4f]]:
     """The packet of each vertex, and the rows of its part's pose."""
-    p = dr.gather(mi.Vector4f, points, dr.arange(mi.UInt32, vertex_count))
+    p = dr.gather(mi.Vector4f, points, dr.arange(mi.UInt32, vertex_count) if source is None else source)
     part = mi.UInt32(p.w)
     return p, [dr.gather(mi.Vector4f, poses, part * 3 + k) for k in range(3)]

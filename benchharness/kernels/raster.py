@@ -20,7 +20,7 @@ import drjit as dr
 import mitsuba as mi
 
 from benchharness.kernels import depths, packets
-from benchharness.kernels.frozen import frozen
+from benchharness.kernels.frozen import frozen, roomy
 from benchharness.kernels.trianglesetup import CLOSED as CLOSED
 from benchharness.kernels.trianglesetup import Cull, DrawCall, Edge, setup
 from benchharness.kernels.types import View
@@ -105,13 +105,7 @@ def rasterize(
     layer, shown_layer = layers if layers is not None else (None, None)
     triangles = _packed(DrawCall(points, faces, face_count, view, drawn, cull, values), layer)
     pairs = int(triangles.ends[face_count - 1])
-    return _nearest(triangles, _roomy(pairs), face_count, view, PixelTests(limit, floor, shown_layer))
-
-
-def _roomy(count: int) -> int:
-    """`count` rounded up to three significant bits: a few sizes, so that few are recorded."""
-    step = 1 << max(count.bit_length() - 3, 4)
-    return max(-(-count // step), 1) * step
+    return _nearest(triangles, roomy(pairs), face_count, view, PixelTests(limit, floor, shown_layer))
 
 
 @frozen

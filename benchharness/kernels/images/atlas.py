@@ -21,7 +21,7 @@ import mitsuba as mi
 import numpy as np
 
 from benchharness.kernels import geometry, lighting, packets, raster
-from benchharness.kernels.frozen import frozen
+from benchharness.kernels.frozen import frozen, roomy
 from benchharness.kernels.images import depthmap, impostor
 from benchharness.kernels.types import View
 
@@ -186,11 +186,6 @@ def _tables(
     floats[:count, 3:6, 3] = np.stack([camera.near / camera.distance, camera.far / camera.distance, shots.mirrors], axis=1)
     floats[:count, 6, :3] = shots.viewers
     return Tables(mi.UInt32(integers.ravel()), mi.Float(floats.ravel()), len(integers)), vertices, faces
-
-
-def roomy(count: int) -> int:
-    """`count` rounded up to three significant bits, and to a multiple of 16."""
-    return 16 * _rounded(-(-count // 16))
 
 
 def _rounded(count: int) -> int:

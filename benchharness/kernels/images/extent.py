@@ -20,39 +20,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchharness.kernels.eye import Eye
 from benchharness.kernels.images import impostor
 from benchharness.kernels.images.roles import Plan
-from benchharness.kernels.types import Frame, MeshLike
+from benchharness.kernels.types import MeshLike
 
 LEAST = 8  # texels across a picture
 NEARNESS = 1.0  # of a part's radius: most of it is farther than that from a mirror that it touches
 QUANTILE = 0.02  # of a mesh's edges: fewer may be flatter than the least curvature says
-
-
-@dataclass(frozen=True)
-class Eye:
-    """Who looks at the mirrors.
-
-    place    float64 [3]
-    forward  unit direction of the view's axis, float64 [3]
-    focal    pixels per radian in the middle of the picture
-    visible  per mirror, whether it can be in the picture, bool [mirrors]
-    """
-
-    place: np.ndarray
-    forward: np.ndarray
-    focal: float
-    visible: np.ndarray
-
-
-def eye_of(frame: Frame) -> Eye:
-    """Of a frame. Waits for the device."""
-    view = frame.view
-    place, forward, right = (np.array(v, np.float64).ravel() for v in (view.eye, view.w.xyz, view.right))
-    visible = [
-        left < view.width and top < view.height and right_ > 0 and bottom > 0 for left, top, right_, bottom in frame.boxes
-    ]
-    return Eye(place, forward, float(1 / np.linalg.norm(right)), np.array(visible, bool))
 
 
 def least_curvature(mesh: MeshLike) -> float:

@@ -14,7 +14,8 @@ import numpy as np
 
 from benchharness.kernels import pixels
 from benchharness.kernels.differentials import FirstHits
-from benchharness.kernels.images import assembly, bounces, capture, extent, refresh
+from benchharness.kernels.eye import Eye, eye_of
+from benchharness.kernels.images import assembly, bounces, capture, refresh
 from benchharness.kernels.images.capture import CaptureOptions, DeviceScene
 from benchharness.kernels.images.refresh import Captured
 from benchharness.kernels.images.roles import Plan
@@ -28,7 +29,7 @@ class State:
     scene      all that does not move
     captured   what was taken of it
     impostors  what rays can meet; None before the first `updated`
-    poses      where the parts are since the last `moved`, 12 floats each; None before
+    poses      where the parts are since the last `updated`, 12 floats each; None before
     placed     where they are in `impostors`, float64 [parts, 3, 4]; None likewise
     """
 
@@ -45,23 +46,21 @@ def begun(scene: SceneLike, plan: Plan) -> State:
 
 
 def updated(state: State, poses: mi.Float, options: CaptureOptions) -> State:
-    """The state with every part where `poses` (12 floats per part) puts it. Waits for the device."""
-    return _brought(state, poses, options, None)
-
-
-def moved(state: State, poses: mi.Float) -> State:
-    """The state that knows where the parts are, for `seen`."""
-    return replace(state, poses=poses)
+    """The state with every part where `poses` (12 floats per part) puts it. Waits for the device, but where pictures are as
+    large as they are seen: these are left to `seen`, which knows the eye."""
+    return replace(state, poses=poses) if options.seen else _brought(state, poses, options, None)
 
 
 def seen(state: State, frame: Frame, options: CaptureOptions) -> State:
-    """The state with every part where the last `moved` put it, and pictures as large as they are in a frame. Waits for the
-    device."""
+    """The state with pictures as large as they are seen in a frame, if they are to be, and every part where the last `updated`
+    put it. Waits for the device then."""
+    if not options.seen:
+        return state
     assert state.poses is not None
-    return _brought(state, state.poses, options, extent.eye_of(frame))
+    return _brought(state, state.poses, options, eye_of(frame))
 
 
-def _brought(state: State, poses: mi.Float, options: CaptureOptions, eye: extent.Eye | None) -> State:
+def _brought(state: State, poses: mi.Float, options: CaptureOptions, eye: Eye | None) -> State:
     before, host = state.captured, refresh.matrices(poses)
     captured = refresh.refreshed(state.scene, before, poses, host, options, eye)
     same = not captured.renewed and captured.maps is before.maps and (captured.sizes == before.sizes).all()

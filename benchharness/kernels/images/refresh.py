@@ -15,9 +15,9 @@ import mitsuba as mi
 import numpy as np
 
 from benchharness.kernels import geometry
+from benchharness.kernels.eye import Eye
 from benchharness.kernels.images import atlas, capture, extent, impostor, rowshelf, shelf
 from benchharness.kernels.images.capture import CaptureOptions, DeviceScene
-from benchharness.kernels.images.extent import Eye
 from benchharness.kernels.images.roles import Plan, Slot
 
 STILL = 1e-5  # of a part's radius: a mirror that moved by less, seen from the part, has not moved; poses have single precision

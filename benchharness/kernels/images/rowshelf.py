@@ -11,7 +11,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from benchharness.kernels.frozen import frozen
+from benchharness.kernels.frozen import frozen, roomy
 from benchharness.kernels.images import atlas, depthrows
 from benchharness.kernels.images.capture import CaptureOptions
 from benchharness.kernels.images.depthmap import Layout
@@ -48,7 +48,7 @@ def put(before: Rows | None, depths: Shelf, new: np.ndarray, options: CaptureOpt
     starts, total = np.cumsum(own) - own, int(own.sum())
     places = _table(len(new), 4, 2, total)
     places[: len(new), :3] = np.stack([depths.firsts[new], depths.sizes[new], starts], axis=1)
-    widest, lanes = int(depths.sizes.max()), atlas.roomy(total)
+    widest, lanes = int(depths.sizes.max()), roomy(total)
     built = _built(depths.texels, mi.UInt32(places.ravel()), len(places), widest, n, m, options.split_jump, lanes, options.seen)
 
     counts = n * depths.sizes
@@ -61,13 +61,13 @@ def put(before: Rows | None, depths: Shelf, new: np.ndarray, options: CaptureOpt
     table = _table(len(held), 4, 0, total)
     table[: len(held)] = np.stack([firsts, source, fresh, counts], axis=1)[held]
     numbers, kept = mi.UInt32(table.ravel()), (before.points, before.dropped)
-    points, dropped = _merged(built[:2], kept, numbers, len(table), m, atlas.roomy(total))
+    points, dropped = _merged(built[:2], kept, numbers, len(table), m, roomy(total))
     return Rows(counts, firsts, points, dropped, built[2])
 
 
 def _table(count: int, columns: int, starts: int, total: int) -> np.ndarray:
     """Room for `count` maps and at least one more, which begins where all rows end and has none; `starts`: that column."""
-    table = np.zeros((atlas.roomy(count + 1), columns), np.uint32)
+    table = np.zeros((roomy(count + 1), columns), np.uint32)
     table[:, starts] = total
     return table
 

@@ -12,7 +12,7 @@ import mitsuba as mi
 import numpy as np
 
 from benchharness.kernels import packets
-from benchharness.kernels.frozen import frozen
+from benchharness.kernels.frozen import frozen, roomy
 from benchharness.kernels.images import atlas
 from benchharness.kernels.images.atlas import Sheet
 
@@ -76,14 +76,14 @@ def put(before: Shelf, sizes: np.ndarray, sheet: Sheet, new: New, *, mip: bool, 
         kept = np.setdiff1d(np.flatnonzero(sizes), new.slots)
         table = _table(len(kept), total)
         table[: len(kept), :3] = np.stack([firsts[kept], lengths[kept], before.firsts[kept]], axis=1)
-        texels = _moved(texels, mi.UInt32(table.ravel()), len(table), atlas.roomy(total), depths)
+        texels = _moved(texels, mi.UInt32(table.ravel()), len(table), roomy(total), depths)
     starts, total = np.cumsum(lengths[new.slots]) - lengths[new.slots], int(lengths[new.slots].sum())
     table = _table(len(new.slots), total)
     table[: len(starts), 0], table[: len(starts), 1], table[: len(starts), 2] = starts, sizes[new.slots], firsts[new.slots]
     table[: len(starts), 4], table[: len(starts), 5] = new.columns, new.rows
     levels = atlas.levels_of(int(sizes[new.slots].max()), mip)
     pages = sheet.depth if depths else sheet.texels
-    lanes, numbers = atlas.roomy(total), mi.UInt32(table.ravel())
+    lanes, numbers = roomy(total), mi.UInt32(table.ravel())
     value, place = _taken(pages, numbers, len(table), sheet.width, sheet.height, levels, lanes, depths)
     texels = type(texels)(texels)
     dr.scatter(texels, value, place, place != NOWHERE)
@@ -92,7 +92,7 @@ def put(before: Shelf, sizes: np.ndarray, sheet: Sheet, new: New, *, mip: bool, 
 
 def _table(count: int, total: int) -> np.ndarray:
     """Room for `count` pictures and at least one more, of no size, which begins where all others end."""
-    table = np.zeros((atlas.roomy(count + 1), 8), np.uint32)
+    table = np.zeros((roomy(count + 1), 8), np.uint32)
     table[:, 0] = total
     return table
 

@@ -16,11 +16,12 @@ import mitsuba as mi
 import numpy as np
 
 from benchharness.kernels import geometry, packets, raster
-from benchharness.kernels.frozen import frozen
+from benchharness.kernels.eye import eye_of
+from benchharness.kernels.frozen import frozen, roomy
 from benchharness.kernels.types import Frame, MeshLike, SceneLike
 from benchharness.kernels.vertices import levels, patches
+from benchharness.kernels.vertices.adjacency import NONE
 
-NONE = 0xFFFF_FFFF
 LEFT_OUT = -1  # the level of a part that a mirror cannot show
 
 
@@ -188,19 +189,16 @@ def _levels(
     bounds: Bounds, group: list[int], frame: Frame, objects: int, pixels: float, before: np.ndarray | None
 ) -> np.ndarray:
     """The level of every part in every mirror of a group."""
-    view = frame.view
-    poses = np.array(frame.poses, np.float64).reshape(-1, 3, 4)
-    eye, focal = np.array(view.eye, np.float64).ravel(), 1 / float(np.linalg.norm(np.array(view.right)))
+    eye, poses = eye_of(frame), np.array(frame.poses, np.float64).reshape(-1, 3, 4)
     there = poses[bounds.of_ball]
     centres = np.einsum("bij,bj->bi", there[:, :, :3], bounds.balls[:, :3]) + there[:, :, 3]
     balls = np.column_stack([centres, bounds.balls[:, 3]])
     chosen = np.full((len(group), len(poses)), LEFT_OUT)
     last = bounds.level.max()
     for k, i in enumerate(group):
-        left, top, right, bottom = frame.boxes[i]
-        if right < 0 or bottom < 0 or left > view.width or top > view.height:
+        if not eye.visible[i]:
             continue
-        sight = patches.looked_at(bounds.mirrors[i], poses[objects + i], eye, focal, balls)
+        sight = patches.looked_at(bounds.mirrors[i], poses[objects + i], eye.place, eye.focal, balls)
         shown = np.zeros(len(poses), bool)
         shown[bounds.of_ball[sight.scale.any(axis=0)]] = True
         seen = np.full((len(poses), last + 1), np.inf)
@@ -212,12 +210,6 @@ def _levels(
             old = np.where(before[k] == LEFT_OUT, coarsest, before[k])
         chosen[k] = np.where(shown, np.clip(old, comfortable, coarsest), LEFT_OUT)
     return chosen
-
-
-def _roomy(count: int) -> int:
-    """`count` rounded up to two significant bits, so that few sizes are recorded."""
-    step = 1 << max(count.bit_length() - 3, 6)
-    return max(-(-count // step), 1) * step
 
 
 def _made(stock: Stock, group: list[int], objects: int, level: np.ndarray) -> Choice:
@@ -236,7 +228,7 @@ def _made(stock: Stock, group: list[int], objects: int, level: np.ndarray) -> Ch
             starts[k, p] = start
             start += part.count
     total = sum(map(len, faces))
-    vertices, triangles = _roomy(start), _roomy(total)
+    vertices, triangles = roomy(start), roomy(total)
     owner = np.array(group) + objects
     # What fills up is a vertex of the first mirror that is not searched in it, and triangles of that.
     own = stock.parts[owner[0]][0].first
@@ -270,11 +262,7 @@ def world_of(
     """A list's triangles in world space. `carries`: with what the scene's vertices `seen` carry, whose numbers are the stock's;
     else without light."""
     count = made.vertex_count
-    p = dr.gather(mi.Vector4f, stock_points, made.source)
-    part = mi.UInt32(p.w)
-    rows = [dr.gather(mi.Vector4f, poses, part * 3 + k) for k in range(3)]
-    q = mi.Vector4f(p.x, p.y, p.z, 1)
-    points = packets.stored(mi.Vector4f(*(dr.dot(row, q) for row in rows), p.w), count)
+    points = geometry.posed(stock_points, count, poses, made.source)
     attributes, shine = None, None
     if carries:
         attributes = packets.stored(dr.gather(mi.Vector4f, seen.attributes, made.source), count)

@@ -127,8 +127,7 @@ def shown(asked: Asked, frame: Frame, number: mi.UInt32, named: Named, walled: m
     if dr.width(wrong) > 0:
         places = dr.arange(mi.UInt32, PLACES * dr.width(wrong))
         hits = _of_keys(_asked_for(asked, pixels, hits, _keys(hits), wrong, places))
-    should = _should_meet(pixels, walled)
-    lost = dr.compress(should & (hits.triangle == NONE))
+    lost = dr.compress(_is_lost(pixels, hits, walled))
     if dr.width(lost) > 0:
         hits = _asked_afar(asked, pixels, hits, lost)
     return _shown(asked, pixels, hits.triangle, walled), pixels
@@ -233,9 +232,10 @@ def _of_keys(keys: mi.UInt64) -> Hit:
 
 
 @frozen
-def _should_meet(pixels: Pixels, walled: mi.Bool) -> mi.Bool:
-    """Whether the ray of a pixel should meet something: it always does, or its pixel names something."""
-    return dr.gather(mi.Bool, walled, pixels.lanes) | (pixels.named != NONE)
+def _is_lost(pixels: Pixels, hits: Hit, walled: mi.Bool) -> mi.Bool:
+    """Whether the ray of a pixel meets nothing, although it should: it always does, or its pixel names something."""
+    should = dr.gather(mi.Bool, walled, pixels.lanes) | (pixels.named != NONE)
+    return should & (hits.triangle == NONE)
 
 
 @frozen

@@ -11,6 +11,7 @@ from support.board_scenes import SKY, one, sheet
 from support.mirror_room import ball, mirror_ball, scene, still
 from support.small_room import box, sphere
 
+from benchharness.kernels.eye import Eye, eye_of
 from benchharness.kernels.images import extent, impostor, roles
 from benchharness.scene import Mesh, Object, Reflector
 from methods.ray_traced import RayTraced
@@ -26,7 +27,7 @@ def red(at, radius=0.1) -> Object:
 def estimated(made, eye=None, again=False) -> np.ndarray:
     """Of all slots, in the first frame; `eye`: instead of that frame's."""
     plan = roles.plan(made)
-    looks = extent.eye_of(one(RayTraced(), made, SIZE).frame) if eye is None else eye
+    looks = eye_of(one(RayTraced(), made, SIZE).frame) if eye is None else eye
     curvatures = np.array([extent.least_curvature(r.mesh) for r in made.reflectors])
     spheres = extent.Spheres(plan.centroids, plan.radii)
     return extent.pixels(plan, curvatures, spheres, looks, again=again)
@@ -51,7 +52,7 @@ def test_in_a_flat_mirror_a_ball_is_as_wide_as_from_behind_it(away):
     small = scene((red(middle),), (sheet(1e-6),), still(tuple(eye), (0.0, 1.0, 0.0)), background=SKY)
     plan = roles.plan(small)
     tiny = replace(plan, shapes=[plan.shapes[0], replace(plan.shapes[1], radius=1e-9)])
-    looks = extent.Eye(eye, np.array([0.0, 1.0, 0.0]), FOCAL, np.array([True]))
+    looks = Eye(eye, np.array([0.0, 1.0, 0.0]), FOCAL, np.array([True]))
     wide = extent.pixels(tiny, np.zeros(1), extent.Spheres(tiny.centroids, tiny.radii), looks, again=False)
     way = 3.0 + np.linalg.norm(middle - (0.0, 1.0, 0.0)) - 0.1
     assert wide[plan.owners >= 0] == pytest.approx(FOCAL * 0.2 / np.cos(0.5 * impostor.FIELD) / way, rel=1e-3)
@@ -66,7 +67,7 @@ def test_in_a_ball_the_estimate_is_above_what_is_seen_and_less_than_two_and_a_ha
 
 
 def test_what_is_out_of_the_picture_is_seen_by_nobody_but_another_mirror():
-    eye = extent.Eye(np.array([0.0, -3.0, 0.0]), np.array([0.0, 1.0, 0.0]), FOCAL, np.array([True, False]))
+    eye = Eye(np.array([0.0, -3.0, 0.0]), np.array([0.0, 1.0, 0.0]), FOCAL, np.array([True, False]))
     mirrors = (mirror_ball("one", (-0.6, 0, 0), 0.3), mirror_ball("two", (0.6, 0, 0), 0.3))
     made = scene((red((0.0, -1.0, 0.3)),), mirrors, background=SKY)
     plan = roles.plan(made)
@@ -109,7 +110,7 @@ def test_sizes_grow_at_once_and_shrink_late():
 def test_every_mirror_of_a_frame_is_looked_for_in_the_picture():
     beside = Reflector("beside", sphere(0.2, (6.0, 0.0, 0.0)))
     made = scene((red((0.4, -0.7, 0.0)),), (mirror_ball(), beside), still((0.2, -1.9, 0.6)), background=SKY)
-    looks = extent.eye_of(one(RayTraced(), made, SIZE).frame)
+    looks = eye_of(one(RayTraced(), made, SIZE).frame)
     np.testing.assert_array_equal(looks.visible, [True, False])
     np.testing.assert_allclose(looks.place, (0.2, -1.9, 0.6), atol=1e-6)
     assert looks.focal == pytest.approx(FOCAL, rel=1e-5)
