@@ -39,7 +39,7 @@ import drjit as dr
 import mitsuba as mi
 from pydantic import Field
 
-from benchharness.api import Frame, Method, Reflection, Vertices, View
+from benchharness.api import Frame, Method, Reflection, Vertices
 from benchharness.kernels import optics, placement
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.vertices import branches, mirrormesh, problems, search, several, sight, textures, vertexwise, virtual
@@ -90,17 +90,10 @@ class Mirror:
 
 
 @dataclass
-class State:
-    """
-    mirrors  per reflector, its meshes
-    ends     per reflector, where the last searches ended
-    view     the camera of the last frame
-    """
+class State(vertexwise.State):
+    """mirrors: per reflector, its meshes."""
 
-    scenery: vertexwise.Scenery
     mirrors: list[Mirror]
-    ends: list[vertexwise.Kept]
-    view: View | None
 
 
 @dataclass(frozen=True)
@@ -160,7 +153,7 @@ class ImageSpaceSearch(Method):
     def prepare(self, scene: Scene) -> State:
         mirrors = [_mirror(reflector, self.multi) for reflector in scene.reflectors]
         searched = [reflector.closed or reflector.mesh for reflector in scene.reflectors]
-        return State(vertexwise.scenery(scene, searched, self.resolve, self.lod_px), mirrors, [], None)
+        return State(vertexwise.scenery(scene, searched, self.resolve, self.lod_px), [], None, mirrors)
 
     def update(self, state: State, frame: Frame) -> State:
         return replace(state, scenery=vertexwise.posed(state.scenery, frame))
@@ -168,7 +161,6 @@ class ImageSpaceSearch(Method):
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         how = search.Options(self.score, self.neighbourhood, self.subtexel)
         options = Options(how, self.placement, self.hidden, self.start == "pyramid", self.warm)
-        seen, last_view = state.scenery, None if self.warm == "off" else state.view
         drawing = virtual.Drawing("cut" if self.hidden == "cut" else "keep")
 
         def solve(i: int, problem: problems.Problem, last: Ends) -> vertexwise.Solved:
@@ -193,20 +185,16 @@ class ImageSpaceSearch(Method):
                 own=own,
             )
 
-        reflection, ends = vertexwise.shown(
-            seen,
+        return vertexwise.shown(
+            state,
             frame,
             solve,
+            Ends.cold,
             other_mirrors=self.other_mirrors,
             max_iter=self.max_iter,
-            last_view=last_view,
-            last=state.ends,
-            cold=Ends.cold,
+            warm=self.warm != "off",
+            sheets=[mirror.sheet for mirror in state.mirrors] if self.multi == 1 else None,
         )
-        if self.multi == 1 and (found := reflection.vertices) is not None:
-            sheets = [mirror.sheet for mirror in state.mirrors]
-            found.valid = several.valid(sheets, seen.objects, frame, seen.world.points, found)
-        return reflection, replace(state, ends=ends, view=frame.view)
 
 
 def _mirror(reflector: Reflector, multi: int) -> Mirror:

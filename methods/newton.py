@@ -24,7 +24,7 @@ import drjit as dr
 import mitsuba as mi
 from pydantic import Field
 
-from benchharness.api import Frame, Method, Reflection, Vertices, View
+from benchharness.api import Frame, Method, Reflection, Vertices
 from benchharness.kernels import optics, placement
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.vertices import branches, mirrormesh, newton, problems, search, several, sight, vertexwise, virtual
@@ -45,20 +45,16 @@ class Ends:
 
 
 @dataclass
-class State:
+class State(vertexwise.State):
     """
-    seeds   per reflector, where the walks for several reflections may start; None where there is one at most
-    joined  per group of reflectors, the mirrors that it joins; None for one alone
-    ends    per group, where the last walks ended
-    view    the camera of the last frame
+    mirrors  per reflector, the mesh that walks are on
+    seeds    per reflector, where the walks for several reflections may start; None where there is one at most
+    joined   per group of reflectors, the mirrors that it joins; None for one alone
     """
 
-    scenery: vertexwise.Scenery
     mirrors: list[MirrorMesh]
     seeds: list[several.Seeds | None]
     joined: list[mirrormesh.Joined | None]
-    ends: list[vertexwise.Kept]
-    view: View | None
 
 
 @dataclass(frozen=True)
@@ -113,13 +109,13 @@ class Newton(Method):
             groups.append(together)
         joined = [None if len(group) == 1 else _joined([searched[i] for i in group]) for group in groups]
         scenery = vertexwise.scenery(scene, searched, self.resolve, self.lod_px, groups)
-        return State(scenery, mirrors, seeds, joined, [], None)
+        return State(scenery, [], None, mirrors, seeds, joined)
 
     def update(self, state: State, frame: Frame) -> State:
         return replace(state, scenery=vertexwise.posed(state.scenery, frame))
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
-        seen, last_view = state.scenery, state.view if self.warm else None
+        seen = state.scenery
         drawing = virtual.Drawing(self.hidden)
 
         def solve(g: int, problem: problems.Problem, last: Ends) -> vertexwise.Solved:
@@ -143,19 +139,16 @@ class Newton(Method):
             whole = mesh.convex and self.hidden == "cut"
             return vertexwise.Solved(images, end, vertices, drawing, hider, back, whole, own=own)
 
-        reflection, ends = vertexwise.shown(
-            seen,
+        return vertexwise.shown(
+            state,
             frame,
             solve,
+            Ends.cold,
             other_mirrors=self.other_mirrors,
             max_iter=self.max_iter,
-            last_view=last_view,
-            last=state.ends,
-            cold=Ends.cold,
+            warm=self.warm,
+            sheets=state.mirrors if self.multi == 1 else None,
         )
-        if self.multi == 1 and (found := reflection.vertices) is not None:
-            found.valid = several.valid(state.mirrors, seen.objects, frame, seen.world.points, found)
-        return reflection, replace(state, ends=ends, view=frame.view)
 
 
 def _joined(meshes: list[Mesh]) -> mirrormesh.Joined:

@@ -124,17 +124,13 @@ class Ends:
 
 
 @dataclass
-class State:
+class State(vertexwise.State):
     """
-    ends   per reflector, where the last searches ended
-    view   the camera of the last frame
-    d_max  no reflected ray is longer, metres
+    mirrors  per reflector, what is searched
+    d_max    no reflected ray is longer, metres
     """
 
-    scenery: vertexwise.Scenery
     mirrors: list[Mirror]
-    ends: list[vertexwise.Kept]
-    view: View | None
     d_max: mi.Float
 
 
@@ -219,14 +215,13 @@ class SecantTriangle(Method):
         corners = np.concatenate([np.asarray(part.mesh.transformed(part.pose(0.0)).vertices) for part in scene.parts])
         d_max = dr.opaque(mi.Float, FARTHEST * float(np.linalg.norm(np.ptp(corners, axis=0))))
         scenery = vertexwise.scenery(scene, searched, self.resolve, self.lod_px)
-        return State(scenery, mirrors, [], None, d_max)
+        return State(scenery, [], None, mirrors, d_max)
 
     def update(self, state: State, frame: Frame) -> State:
         return replace(state, scenery=vertexwise.posed(state.scenery, frame))
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         options = Options(secant.Options(self.residual, self.stop, self.start), self.newton, self.hidden, self.depth)
-        seen, last_view = state.scenery, state.view if self.warm else None
         scale = Scale(dr.opaque(mi.Float, self.tau), state.d_max)
         policy = {"cut": "cut", "drop": "drop", "emdt_mirror": "keep", "clamp": "keep"}[self.hidden]
         drawing = virtual.Drawing(policy, self.depth)
@@ -259,20 +254,16 @@ class SecantTriangle(Method):
                 own=own,
             )
 
-        reflection, ends = vertexwise.shown(
-            seen,
+        return vertexwise.shown(
+            state,
             frame,
             solve,
+            Ends.cold,
             other_mirrors=self.other_mirrors,
             max_iter=self.max_iter,
-            last_view=last_view,
-            last=state.ends,
-            cold=Ends.cold,
+            warm=self.warm,
+            sheets=[mirror.seen for mirror in state.mirrors] if self.multi == 1 else None,
         )
-        if self.multi == 1 and (found := reflection.vertices) is not None:
-            meshes = [mirror.seen for mirror in state.mirrors]
-            found.valid = several.valid(meshes, seen.objects, frame, seen.world.points, found)
-        return reflection, replace(state, ends=ends, view=frame.view)
 
 
 def _star(reflector: Reflector, resolution: int, make: Callable = starmap.build):

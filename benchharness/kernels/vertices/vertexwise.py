@@ -6,8 +6,8 @@ A method brings the finding: it solves one `Problem` per mirror, or per group of
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields, replace
-from typing import Any, Protocol
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol, TypeVar
 
 import drjit as dr
 import mitsuba as mi
@@ -17,7 +17,8 @@ from benchharness.kernels import geometry, optics, passage, surroundings
 from benchharness.kernels import pixels as spreading
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.types import Frame, MeshLike, Reflection, SceneLike, Vertices, View
-from benchharness.kernels.vertices import adjacency, drawlist, exact, meshwalk, textures, virtual
+from benchharness.kernels.vertices import adjacency, drawlist, exact, meshwalk, reporting, several, textures, virtual
+from benchharness.kernels.vertices.mirrormesh import MirrorMesh
 from benchharness.kernels.vertices.problems import UNKNOWN, Problem
 
 
@@ -69,6 +70,23 @@ class Kept:
 
     end: Any
     choice: drawlist.Choice | None
+
+
+@dataclass
+class State:
+    """What all these methods keep.
+
+    scenery  what is reflected
+    ends     per group of mirrors, what was kept of the last frame
+    view     its camera; None before the first
+    """
+
+    scenery: Scenery
+    ends: list[Kept]
+    view: View | None
+
+
+S = TypeVar("S", bound=State)
 
 
 @dataclass
@@ -141,24 +159,25 @@ def posed(seen: Scenery, frame: Frame) -> Scenery:
 
 
 def shown(
-    seen: Scenery,
+    state: S,
     frame: Frame,
     solve: Callable[[int, Problem, Any], Solved],
+    cold: Callable[[int], Any],
     *,
     other_mirrors: str,
     max_iter: int,
-    last_view: View | None,
-    last: Sequence[Kept],
-    cold: Callable[[int], Any],
-) -> tuple[Reflection, list[Kept]]:
-    """The reflection in all mirrors, and per group of mirrors what the next frame starts from.
+    warm: bool,
+    sheets: list[MirrorMesh] | None,
+) -> tuple[Reflection, S]:
+    """The reflection in all mirrors, and the state that the next frame starts from.
 
     solve          solves the problem of group number g, from what it ended with in the last frame
-    other_mirrors  as `Scenery.parts_shown` has them
-    last_view      the camera of the last frame, None if nothing is known of it
-    last           what was kept of the last frame
     cold           what there is to start from where nothing is known, of so many vertices
+    other_mirrors  as `Scenery.parts_shown` has them
+    warm           whether the last frame is started from
+    sheets         what is seen of each mirror, to be asked which reflections it hides; None where solvers asked it
     """
+    seen, last_view = state.scenery, state.view if warm else None
     parts = seen.parts_shown(other_mirrors)
     problem = Problem(
         world=seen.world,
@@ -170,17 +189,14 @@ def shown(
         last_view=frame.view if last_view is None else last_view,
         max_iter=dr.opaque(mi.UInt32, max_iter),
     )
-    solved, drawn, kept = [], [], []
+    drawn = []
     for g, group in enumerate(seen.groups):
-        before = last[g] if last_view is not None else None
-        one, picture, choice = _drawn(seen, frame, problem, group, lambda p, end, g=g: solve(g, p, end), parts, before, cold)
-        solved.append(one)
-        drawn.append(picture)
-        kept.append(Kept(one.end, choice))
+        before = state.ends[g] if last_view is not None else None
+        drawn.append(_drawn(seen, frame, problem, group, lambda p, end, g=g: solve(g, p, end), parts, before, cold))
     picture = _interpolated(frame, drawn) if seen.beside is None else _by_rays(seen, seen.beside, frame, drawn)
     L, distance, found, doubt = picture.L, picture.distance, picture.found, picture.doubt
-    for one in solved:
-        for i, own in one.own.items():
+    for one in drawn:
+        for i, own in one.solved.own.items():
             met, t = own.meets(frame, distance, found, frame.reflector == i)
             if doubt is not None:
                 doubt |= met
@@ -192,9 +208,23 @@ def shown(
         far = _reflected(seen.surroundings, frame.v, frame.n, sky)
         L, distance, found = dr.select(sky, far, L), dr.select(sky, dr.inf, distance), found | sky
         if doubt is not None:
-            doubt |= _may_be_lost(seen, frame, drawn, solved, sky)
-    vertices, counters = _reported(seen, solved, kept)
-    return Reflection(L, distance, found, vertices, {**counters, **picture.counters}, doubt), kept
+            doubt |= _may_be_lost(seen, frame, drawn, sky)
+    vertices = _found(drawn)
+    if sheets is not None:
+        vertices.valid = several.valid(sheets, seen.objects, frame, seen.world.points, vertices)
+    counters = reporting.counters([(one.solved.vertices, one.solved.counters) for one in drawn])
+    reflection = Reflection(L, distance, found, vertices, {**counters, **picture.counters}, doubt)
+    return reflection, replace(state, ends=[Kept(one.solved.end, one.choice) for one in drawn], view=frame.view)
+
+
+def _found(drawn: list[_Drawn]) -> Vertices:
+    """What was found of the vertices of the scene in all mirrors."""
+    found: dict[int, Vertices] = {}
+    for one in drawn:
+        for k, i in enumerate(one.group):
+            vertices = one.solved.vertices
+            found[i] = vertices if one.choice is None else reporting.of_scene(vertices, one.choice.lanes[k])
+    return reporting.of_mirrors([found[i] for i in sorted(found)])
 
 
 def _drawn(
@@ -206,10 +236,11 @@ def _drawn(
     parts: int,
     last: Kept | None,
     cold: Callable[[int], Any],
-) -> tuple[Solved, _Drawn, drawlist.Choice | None]:
-    """A group of mirrors: what was solved, its images drawn, and the draw list."""
+) -> _Drawn:
+    """A group of mirrors, solved and drawn."""
     choice, stock, part = None, seen.stock, dr.opaque(mi.UInt32, seen.objects + group[0])
     end = None if last is None else last.end
+    problem = replace(problem, part=part)
     if stock is not None:
         old = None if last is None else last.choice
         choice = drawlist.chosen(stock, group, frame, seen.objects, parts, seen.lod_px, old)
@@ -218,11 +249,8 @@ def _drawn(
             end = drawlist.carried(end, cold(made.vertex_count), old, choice, stock)
         world = drawlist.world_of(stock.points, made, frame.poses, seen.world, carries=seen.beside is None)
         problem = replace(problem, world=world)
-    if choice is not None and len(group) > 1:
-        made = choice.made
-        problem = replace(problem, part=made.part, mirror=made.mirror, of_triangles=(made.face_part, made.face_mirror))
-    else:
-        problem = replace(problem, part=part)
+        if len(group) > 1:
+            problem = replace(problem, part=made.part, mirror=made.mirror, of_triangles=(made.face_part, made.face_mirror))
     one = solve(problem, cold(problem.count) if end is None else end)
     boxes = np.array([frame.boxes[i] for i in group])
     box = tuple(map(int, (*boxes[:, :2].min(axis=0), *boxes[:, 2:].max(axis=0))))
@@ -232,21 +260,21 @@ def _drawn(
     pixel, target = _within(window, frame.view.width, frame.p, frame.reflector, members, layer, one.back)
     owner = part if problem.of_triangles is None else problem.of_triangles[0]
     nearest = virtual.nearest(one.images, one.triangles or problem.world, owner, target, one.drawing, one.hider)
-    return one, _Drawn(pixel, target, nearest, one.drawing.depth, problem, group, choice), choice
+    return _Drawn(group, choice, problem, one, pixel, target, nearest)
 
 
 @dataclass
 class _Drawn:
-    """A group's images drawn: the pixels of its part of the picture, what is there, the nearest virtual triangles, how to
-    interpolate them, and what they came of."""
+    """A group of mirrors drawn: their numbers, draw list, problem and what was solved; the pixels of their part of the picture,
+    what is there, and the nearest virtual triangles."""
 
+    group: list[int]
+    choice: drawlist.Choice | None
+    problem: Problem
+    solved: Solved
     pixel: mi.UInt32
     target: virtual.Target
     nearest: virtual.Nearest
-    depth: str
-    problem: Problem
-    group: list[int]
-    choice: drawlist.Choice | None
 
 
 def _interpolated(frame: Frame, drawn: list[_Drawn]) -> Reflection:
@@ -255,7 +283,7 @@ def _interpolated(frame: Frame, drawn: list[_Drawn]) -> Reflection:
     numbers, found = [dr.zeros(mi.Float, count) for _ in range(4)], dr.zeros(mi.Bool, count)
     doubt = dr.zeros(mi.Bool, count) if frame.doubts else None
     for one in drawn:
-        shows = virtual.interpolated(one.nearest, one.target, one.depth)
+        shows = virtual.interpolated(one.nearest, one.target, one.solved.drawing.depth)
         for values, value in zip(numbers, (*shows.L, shows.distance), strict=True):
             dr.scatter(values, value, one.pixel, shows.covered)
         dr.scatter(found, shows.covered, one.pixel, shows.covered)
@@ -289,72 +317,20 @@ def _by_rays(seen: Scenery, beside: mi.UInt32, frame: Frame, drawn: list[_Drawn]
     return Reflection(mi.Color3f(x, y, z), distance, frame.active & found, None, {"unmet": mi.UInt32(shows.unmet)}, doubt)
 
 
-def _reported(seen: Scenery, solved: list[Solved], kept: list[Kept]) -> tuple[Vertices, dict[str, mi.UInt32]]:
-    """What was found of the vertices of the scene in all mirrors, and the counters."""
-    found: dict[int, Vertices] = {}
-    for group, one, keeps in zip(seen.groups, solved, kept, strict=True):
-        for k, i in enumerate(group):
-            found[i] = one.vertices
-            if keeps.choice is not None:
-                found[i] = _of_scene(one.vertices, keeps.choice.lanes[k])
-    parts = [found[i] for i in sorted(found)]
-    vertices = _joined_vertices(parts)
-    most = max(len(part.further) for part in parts)
-    vertices.further = [_joined_vertices([_place(part, k) for part in parts]) for k in range(most)]
-    names = dict.fromkeys(name for one in solved for name in one.counters)
-    counters = {name: _joined([_counted(one, name) for one in solved]) for name in names}
-    iterations = _joined([one.vertices.iterations for one in solved])
-    return vertices, {"iterations": iterations, **counters}
-
-
-def _of_scene(found: Vertices, lanes: mi.UInt32) -> Vertices:
-    """What was found of the scene's vertices, zeros of those that were not searched. `lanes`: as `drawlist.Choice` has them."""
-    known = lanes != drawlist.NONE
-    arrays = {name: dr.gather(type(a), a, lanes, known) for name in NAMES for a in [getattr(found, name)]}
-    return Vertices(**arrays, further=[_of_scene(one, lanes) for one in found.further])
-
-
-def _may_be_lost(seen: Scenery, frame: Frame, drawn: list[_Drawn], solved: list[Solved], sky: mi.Bool) -> mi.Bool:
+def _may_be_lost(seen: Scenery, frame: Frame, drawn: list[_Drawn], sky: mi.Bool) -> mi.Bool:
     """Where nothing is drawn, and a triangle may be missing: one that has no image, and is in the way of the reflected ray."""
     assert seen.boxes is not None
     asked = mi.Bool(False)
-    for picture, one in zip(drawn, solved, strict=True):
-        problem = picture.problem
+    for one in drawn:
+        problem, solved = one.problem, one.solved
         lane = dr.arange(mi.UInt32, problem.count)
         part = dr.gather(mi.Float, problem.world.points, 4 * lane + 3)
-        unknown = (one.vertices.region == UNKNOWN) & (part < seen.objects)
-        for k, i in enumerate(picture.group):
+        unknown = (solved.vertices.region == UNKNOWN) & (part < seen.objects)
+        for k, i in enumerate(one.group):
             mine = unknown if problem.mirror is None else unknown & (problem.mirror == k)
-            asked |= (frame.reflector == i) & (dr.any(mine) if one.whole else mi.Bool(True))
+            asked |= (frame.reflector == i) & (dr.any(mine) if solved.whole else mi.Bool(True))
     own = mi.UInt32(dr.maximum(frame.reflector, 0)) + seen.objects
     return passage.meets(seen.boxes, frame.poses, own, frame.p, optics.reflect(frame.v, frame.n), sky & asked)
-
-
-NAMES = tuple(f.name for f in fields(Vertices) if f.name != "further")
-
-
-def _joined_vertices(parts: list[Vertices]) -> Vertices:
-    """The lanes of several mirrors' vertices, one after the other; `further` is left empty."""
-    return Vertices(**{name: _joined([getattr(part, name) for part in parts]) for name in NAMES})
-
-
-def _place(vertices: Vertices, k: int) -> Vertices:
-    """A mirror's further reflection number k; zeros where it has none."""
-    if k < len(vertices.further):
-        return vertices.further[k]
-    arrays = {name: getattr(vertices, name) for name in NAMES}
-    return Vertices(**{name: dr.zeros(type(array), dr.width(array)) for name, array in arrays.items()})
-
-
-def _counted(one: Solved, name: str) -> mi.UInt32:
-    """A counter of a mirror. Where another mirror may have several reflections per vertex and this one has one at most, its own
-    is counted here."""
-    if name in one.counters:
-        return one.counters[name]
-    if name == "reflections":
-        return dr.select(one.vertices.valid, mi.UInt32(1), 0)
-    iterations = one.vertices.iterations
-    return iterations if name == "iterations" else dr.zeros(mi.UInt32, dr.width(iterations))
 
 
 def _reflected(around: surroundings.Surroundings, v: mi.Vector3f, n: mi.Normal3f, sky: mi.Bool) -> mi.Color3f:
@@ -392,11 +368,3 @@ def _within(
     own &= dr.gather(mi.UInt32, members, mi.UInt32(number), own) == 1
     layer = None if first is None else mi.UInt32(dr.maximum(number, 0)) + first
     return pixel, virtual.Target(window.view, p, own, None if back is None else dr.gather(mi.Float, back, pixel), layer)
-
-
-def _joined(arrays: list):
-    """The lanes of several arrays of one type, one after the other."""
-    kind = type(arrays[0])
-    if dr.depth_v(kind) == 1:
-        return dr.concat(arrays)
-    return kind(*(dr.concat([a[k] for a in arrays]) for k in range(len(arrays[0]))))
