@@ -23,7 +23,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from benchharness.api import Frame, Method, Reflection
+from benchharness.api import Frame, Knob, Method, Reflection
 from benchharness.kernels.images import bounces, imagewise, roles
 from benchharness.kernels.images.capture import CaptureOptions
 from benchharness.scene import Scene
@@ -55,6 +55,11 @@ class BillboardImpostor(Method):
     walls: Annotated[float, Field(ge=0, le=1e6)] = 0.0
     attenuation: Annotated[float, Field(ge=0, le=1e6)] = 0.0
 
+    knobs: ClassVar[tuple[Knob, ...]] = (
+        Knob("resolution", (16, 32, 64, 128, 256)),
+        Knob("planes", (32, 128, 512)),
+        Knob("environment", (16, 64, 256)),
+    )
     paper: ClassVar[str] = "Popescu et al. 2006 (billboards)"
     limits: ClassVar[dict[str, str]] = {
         "I-04": "what goes around the mirror at a distance is in its environment map, where the rays that should meet it pass",

@@ -25,7 +25,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from benchharness.api import Frame, Method, Reflection
+from benchharness.api import Frame, Knob, Method, Reflection
 from benchharness.kernels.images import bounces, imagewise, relief, roles
 from benchharness.kernels.images.capture import CaptureOptions
 from benchharness.kernels.images.depthray import Anchor
@@ -79,6 +79,12 @@ class DepthImpostor(Method):
     walls: Annotated[float, Field(ge=0, le=1e6)] = 0.0
     attenuation: Annotated[float, Field(ge=0, le=1e6)] = 0.0
 
+    knobs: ClassVar[tuple[Knob, ...]] = (
+        Knob("resolution", (32, 64, 128, 256)),
+        Knob("rotations", (8, 20, 60)),
+        Knob("points", (4, 8, 16, 32)),
+        Knob("maps", (1, 2, 4), {"split_jump": 0.05}),
+    )
     paper: ClassVar[str] = "Popescu et al. 2006 (depth maps)"
     limits: ClassVar[dict[str, str]] = {
         "I-04": "what goes around the mirror at a distance is in its environment map, where the rays that should meet it pass",

@@ -28,7 +28,7 @@ import mitsuba as mi
 import numpy as np
 from pydantic import Field
 
-from benchharness.api import Frame, Method, Reflection, View
+from benchharness.api import Frame, Knob, Method, Reflection, View
 from benchharness.kernels import cubemap, differentials, geometry, optics, passage, selfmet, surroundings
 from benchharness.kernels.differentials import FirstHits
 from benchharness.kernels.frozen import frozen
@@ -80,6 +80,7 @@ class EnvironmentMap(Method):
     resolution: Annotated[int, Field(ge=4, le=4096)] = 256
     mip: bool = True
 
+    knobs: ClassVar[tuple[Knob, ...]] = (Knob("resolution", (16, 32, 64, 128, 256, 512)),)
     paper: ClassVar[str] = "Blinn and Newell 1976; Greene 1986"
     limits: ClassVar[dict[str, str]] = {
         "F-01": "at grazing incidence something small slips through between the four points of the ray that are looked up",

@@ -39,10 +39,21 @@ import drjit as dr
 import mitsuba as mi
 from pydantic import Field
 
-from benchharness.api import Frame, Method, Reflection, Vertices
+from benchharness.api import Frame, Knob, Method, Reflection, Vertices
 from benchharness.kernels import optics, placement
 from benchharness.kernels.frozen import frozen
-from benchharness.kernels.vertices import branches, mirrormesh, problems, search, several, sight, textures, vertexwise, virtual
+from benchharness.kernels.vertices import (
+    branches,
+    mirrormesh,
+    problems,
+    scenery,
+    search,
+    several,
+    sight,
+    textures,
+    vertexwise,
+    virtual,
+)
 from benchharness.kernels.vertices.mirrormesh import MirrorMesh
 from benchharness.scene import Reflector, Scene
 
@@ -119,6 +130,8 @@ class ImageSpaceSearch(Method):
                    what its own "ray" meets of the triangles that it and the pixels around it name (kernels.vertices.exact)
     lod_px         levels of detail: of every part the coarsest whose error is seen no larger than this in a mirror, pixels;
                    0 for none. Only with "ray", which shows the part itself and not what stands for it
+    split_px       edges are split whose images are off a straight line by more than this, pixels; 0 for none, needed where
+                   `multi` is more than 1 (kernels.vertices.tessellation)
     """
 
     score: Literal["sq", "dot"] = "sq"
@@ -135,7 +148,13 @@ class ImageSpaceSearch(Method):
     multi: Annotated[int, Field(ge=1, le=8)] = 1
     resolve: Literal["interpolate", "ray"] = "interpolate"
     lod_px: Annotated[float, Field(ge=0, le=1e3)] = 0.0
+    split_px: Annotated[float, Field(ge=0, le=1e3)] = 0.0
 
+    knobs: ClassVar[tuple[Knob, ...]] = (
+        Knob("split_px", (16.0, 4.0, 2.0, 1.0, 0.5, 0.25)),
+        Knob("split_px", (64.0, 16.0, 4.0, 1.0), {"resolve": "ray"}),
+        Knob("multi", (1, 2, 4), split=True),
+    )
     paper: ClassVar[str] = "Estalella et al. 2006"
     limits: ClassVar[dict[str, str]] = {
         "F-15": "where two triangles' edges end in a third's, less than two pixels of bend open a crack between their images",
@@ -146,17 +165,17 @@ class ImageSpaceSearch(Method):
     }
 
     def __post_init__(self) -> None:
-        vertexwise.check(self.resolve, self.lod_px, "image_space_search")
+        scenery.check(self.resolve, self.lod_px, self.split_px, self.multi, "image_space_search")
         if self.multi > 1 and self.hidden != "cut":
             raise ValueError(f'image_space_search: multi {self.multi} with hidden "{self.hidden}"; accepted: "cut"')
 
     def prepare(self, scene: Scene) -> State:
         mirrors = [_mirror(reflector, self.multi) for reflector in scene.reflectors]
         searched = [reflector.closed or reflector.mesh for reflector in scene.reflectors]
-        return State(vertexwise.scenery(scene, searched, self.resolve, self.lod_px), [], None, mirrors)
+        return State(scenery.of_scene(scene, searched, self.resolve, self.lod_px, self.split_px), [], None, mirrors)
 
     def update(self, state: State, frame: Frame) -> State:
-        return replace(state, scenery=vertexwise.posed(state.scenery, frame))
+        return replace(state, scenery=scenery.posed(state.scenery, frame))
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         how = search.Options(self.score, self.neighbourhood, self.subtexel)
@@ -173,17 +192,13 @@ class ImageSpaceSearch(Method):
                 made, reads = _search_several(problem, mesh, seeds, picture, self.multi, options)
                 back = virtual.nearest_back(proxy, frame.poses, problem.part, frame.view) if seeds.closed else None
                 return branches.solved(made, sight.Shadow(mesh, pose), back, drawing, own, {"texel_reads": reads})
-            images, vertices, end, reads = _search(problem, picture, window, last, options, "one" if mesh.convex else "several")
-            return vertexwise.Solved(
-                images=images,
-                end=end,
-                vertices=vertices,
-                drawing=drawing,
-                hider=picture,
-                whole=mesh.convex,
-                counters={"texel_reads": reads},
-                own=own,
-            )
+            roots: Literal["one", "several"] = "one" if mesh.convex else "several"
+
+            def find(asked: problems.Problem, start: Ends) -> problems.Found:
+                images, vertices, end, reads = _search(asked, picture, window, start, options, roots)
+                return problems.Found(images, vertices, end, {"texel_reads": reads})
+
+            return vertexwise.Solved(find(problem, last), drawing, picture, whole=mesh.convex, own=own, further=find)
 
         return vertexwise.shown(
             state,

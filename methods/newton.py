@@ -24,10 +24,21 @@ import drjit as dr
 import mitsuba as mi
 from pydantic import Field
 
-from benchharness.api import Frame, Method, Reflection, Vertices
+from benchharness.api import Frame, Knob, Method, Reflection, Vertices
 from benchharness.kernels import optics, placement
 from benchharness.kernels.frozen import frozen
-from benchharness.kernels.vertices import branches, mirrormesh, newton, problems, search, several, sight, vertexwise, virtual
+from benchharness.kernels.vertices import (
+    branches,
+    mirrormesh,
+    newton,
+    problems,
+    scenery,
+    search,
+    several,
+    sight,
+    vertexwise,
+    virtual,
+)
 from benchharness.kernels.vertices.mirrormesh import MirrorMesh, SurfacePoint
 from benchharness.scene import Mesh, Reflector, Scene
 
@@ -70,6 +81,8 @@ class Newton(Method):
               of the triangles that it and the pixels around it name (kernels.vertices.exact)
     lod_px    levels of detail: of every part the coarsest whose error is seen no larger than this in a mirror, pixels;
               0 for none. Only with "ray", which shows the part itself and not what stands for it
+    split_px  edges are split whose images are off a straight line by more than this, pixels; 0 for none, needed where `multi`
+              is more than 1 (kernels.vertices.tessellation)
     """
 
     warm: bool = True
@@ -80,10 +93,17 @@ class Newton(Method):
     multi: Annotated[int, Field(ge=1, le=8)] = 1
     resolve: Literal["interpolate", "ray"] = "interpolate"
     lod_px: Annotated[float, Field(ge=0, le=1e3)] = 0.0
+    split_px: Annotated[float, Field(ge=0, le=1e3)] = 0.0
 
     def __post_init__(self) -> None:
-        vertexwise.check(self.resolve, self.lod_px, "newton")
+        scenery.check(self.resolve, self.lod_px, self.split_px, self.multi, "newton")
 
+    knobs: ClassVar[tuple[Knob, ...]] = (
+        Knob("split_px", (16.0, 4.0, 2.0, 1.0, 0.5, 0.25)),
+        Knob("split_px", (64.0, 16.0, 4.0, 1.0), {"resolve": "ray"}),
+        Knob("lod_px", (16.0, 4.0, 1.0, 0.0), {"resolve": "ray", "split_px": 1.0}),
+        Knob("multi", (1, 2, 4), split=True),
+    )
     paper: ClassVar[str] = "Jakob and Marschner 2012"
     limits: ClassVar[dict[str, str]] = {
         "F-15": "where two triangles' edges end in a third's, less than two pixels of bend open a crack between their images",
@@ -108,11 +128,11 @@ class Newton(Method):
         if len(together) > 1:
             groups.append(together)
         joined = [None if len(group) == 1 else _joined([searched[i] for i in group]) for group in groups]
-        scenery = vertexwise.scenery(scene, searched, self.resolve, self.lod_px, groups)
-        return State(scenery, [], None, mirrors, seeds, joined)
+        seen = scenery.of_scene(scene, searched, self.resolve, self.lod_px, self.split_px, groups)
+        return State(seen, [], None, mirrors, seeds, joined)
 
     def update(self, state: State, frame: Frame) -> State:
-        return replace(state, scenery=vertexwise.posed(state.scenery, frame))
+        return replace(state, scenery=scenery.posed(state.scenery, frame))
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         seen = state.scenery
@@ -123,21 +143,24 @@ class Newton(Method):
             for i in group:
                 pose = placement.pose_of(frame.poses, dr.opaque(mi.UInt32, seen.objects + i))
                 own |= branches.meeting(i, state.mirrors[i], pose, self.self_reflection, frame.doubts)
-            if joined is not None:
-                assert problem.of_triangles is not None
-                images, vertices, end = _solve(problem, joined, last, self.hidden)
-                hider = sight.Shadows(joined, frame.poses, *problem.of_triangles)
-                return vertexwise.Solved(images, end, vertices, drawing, hider, None, self.hidden == "cut", own=own)
             i, pose = group[0], problem.pose
             mesh, seeds = state.mirrors[i], state.seeds[i]
-            hider = sight.Shadow(mesh, pose)
-            closed = mesh.closed and not mesh.convex if seeds is None else seeds.closed
-            back = virtual.nearest_back(frame.proxies[i], frame.poses, problem.part, frame.view) if closed else None
+            mirror = mesh if joined is None else joined
+
+            def find(asked: problems.Problem, start: Ends) -> problems.Found:
+                return problems.Found(*_solve(asked, mirror, start, self.hidden))
+
+            if joined is not None:
+                assert problem.of_triangles is not None
+                hider, back = sight.Shadows(joined, frame.poses, *problem.of_triangles), None
+            else:
+                hider = sight.Shadow(mesh, pose)
+                closed = mesh.closed and not mesh.convex if seeds is None else seeds.closed
+                back = virtual.nearest_back(frame.proxies[i], frame.poses, problem.part, frame.view) if closed else None
             if seeds is not None:
                 return branches.solved(_solve_several(problem, mesh, seeds, self.multi), hider, back, drawing, own)
-            images, vertices, end = _solve(problem, mesh, last, self.hidden)
             whole = mesh.convex and self.hidden == "cut"
-            return vertexwise.Solved(images, end, vertices, drawing, hider, back, whole, own=own)
+            return vertexwise.Solved(find(problem, last), drawing, hider, back, whole, own=own, further=find)
 
         return vertexwise.shown(
             state,

@@ -20,7 +20,7 @@ import drjit as dr
 import mitsuba as mi
 from pydantic import Field
 
-from benchharness.api import Frame, Method, Reflection, View
+from benchharness.api import Frame, Knob, Method, Reflection, View
 from benchharness.kernels import geometry, hierarchy, optics, passage, pixels, raster, surroundings
 from benchharness.kernels.frozen import frozen
 from benchharness.scene import Scene
@@ -73,6 +73,7 @@ class RayTraced(Method):
     robust: bool = True
     hierarchies: hierarchy.Way = hierarchy.BODIES
 
+    knobs: ClassVar[tuple[Knob, ...]] = (Knob("bounces", (1, 2, 3, 4), reference={"max_depth": 5}),)
     paper: ClassVar[str] = "Embree (Wald et al. 2014)"
 
     def prepare(self, scene: Scene) -> State:

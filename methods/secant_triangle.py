@@ -44,7 +44,7 @@ import mitsuba as mi
 import numpy as np
 from pydantic import Field
 
-from benchharness.api import Frame, Method, Reflection, Vertices, View
+from benchharness.api import Frame, Knob, Method, Reflection, Vertices, View
 from benchharness.kernels import optics, placement
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.vertices import (
@@ -52,6 +52,7 @@ from benchharness.kernels.vertices import (
     mirrormesh,
     problems,
     refinement,
+    scenery,
     search,
     secant,
     several,
@@ -156,6 +157,8 @@ class SecantTriangle(Method):
                     what its own "ray" meets of the triangles that it and the pixels around it name (kernels.vertices.exact)
     lod_px          levels of detail: of every part the coarsest whose error is seen no larger than this in a mirror, pixels;
                     0 for none. Only with "ray", which shows the part itself and not what stands for it
+    split_px        edges are split whose images are off a straight line by more than this, pixels; 0 for none, needed where
+                    `multi` is more than 1 (kernels.vertices.tessellation)
     """
 
     resolution: Annotated[int, Field(ge=8, le=2048)] = 256
@@ -174,7 +177,13 @@ class SecantTriangle(Method):
     multi: Annotated[int, Field(ge=1, le=8)] = 1
     resolve: Literal["interpolate", "ray"] = "interpolate"
     lod_px: Annotated[float, Field(ge=0, le=1e3)] = 0.0
+    split_px: Annotated[float, Field(ge=0, le=1e3)] = 0.0
 
+    knobs: ClassVar[tuple[Knob, ...]] = (
+        Knob("split_px", (16.0, 4.0, 2.0, 1.0, 0.5, 0.25)),
+        Knob("split_px", (64.0, 16.0, 4.0, 1.0), {"resolve": "ray"}),
+        Knob("resolution", (16, 64, 256), {"split_px": 1.0}),
+    )
     paper: ClassVar[str] = "Roger and Holzschuch 2006"
     limits: ClassVar[dict[str, str]] = {
         "F-15": "where two triangles' edges end in a third's, less than two pixels of bend open a crack between their images",
@@ -185,7 +194,7 @@ class SecantTriangle(Method):
     }
 
     def __post_init__(self) -> None:
-        vertexwise.check(self.resolve, self.lod_px, "secant_triangle")
+        scenery.check(self.resolve, self.lod_px, self.split_px, self.multi, "secant_triangle")
         if self.depth == "screen_linear" and self.hidden in ("cut", "emdt_mirror"):
             raise ValueError(f'secant_triangle: depth "screen_linear" with hidden "{self.hidden}"; accepted: "drop" or "clamp"')
         if self.multi > 1 and (self.hidden not in ("cut", "drop") or self.depth != "perspective"):
@@ -214,11 +223,11 @@ class SecantTriangle(Method):
             mirrors.append(Mirror(star, walked, sheet, seeds))
         corners = np.concatenate([np.asarray(part.mesh.transformed(part.pose(0.0)).vertices) for part in scene.parts])
         d_max = dr.opaque(mi.Float, FARTHEST * float(np.linalg.norm(np.ptp(corners, axis=0))))
-        scenery = vertexwise.scenery(scene, searched, self.resolve, self.lod_px)
-        return State(scenery, [], None, mirrors, d_max)
+        seen = scenery.of_scene(scene, searched, self.resolve, self.lod_px, self.split_px)
+        return State(seen, [], None, mirrors, d_max)
 
     def update(self, state: State, frame: Frame) -> State:
-        return replace(state, scenery=vertexwise.posed(state.scenery, frame))
+        return replace(state, scenery=scenery.posed(state.scenery, frame))
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         options = Options(secant.Options(self.residual, self.stop, self.start), self.newton, self.hidden, self.depth)
@@ -241,18 +250,13 @@ class SecantTriangle(Method):
             if self.hidden == "emdt_mirror":
                 camera = textures.window(frame.view, frame.boxes[i], WIDENING).view
                 picture = textures.render(proxy, frame.poses, problem.part, camera)
-            images, vertices, end, backtracks = _solve(problem, mirror, picture, last, scale, options)
-            return vertexwise.Solved(
-                images=images,
-                end=end,
-                vertices=vertices,
-                drawing=drawing,
-                hider=hider,
-                back=back,
-                whole=mirror.mesh.convex and self.hidden != "drop",
-                counters={"backtracks": backtracks},
-                own=own,
-            )
+
+            def find(asked: problems.Problem, start: Ends) -> problems.Found:
+                images, vertices, end, backtracks = _solve(asked, mirror, picture, start, scale, options)
+                return problems.Found(images, vertices, end, {"backtracks": backtracks})
+
+            whole = mirror.mesh.convex and self.hidden != "drop"
+            return vertexwise.Solved(find(problem, last), drawing, hider, back, whole, own=own, further=find)
 
         return vertexwise.shown(
             state,

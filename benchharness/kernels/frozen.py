@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import gc
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass
 from typing import Any, ParamSpec, TypeVar
@@ -14,6 +15,9 @@ P = ParamSpec("P")
 R = TypeVar("R")
 RECORDINGS = 1000
 """More than this in a process are a mistake. Every size of picture, window, list and scene is one; Dr.Jit warns at 10."""
+
+
+_ARRAYS = re.compile(r"(list\[)?(mi\.(Bool|Float|Int32|UInt32|UInt64|[A-Z][a-z]+[234][fiu])( \| None)?)\]?( \| None)?")
 
 
 def frozen(function: Callable[P, R]) -> Callable[P, R]:
@@ -64,5 +68,8 @@ def _numbers(value: Any) -> Iterator[int | float]:
 
 @functools.cache
 def _names(kind: type) -> tuple[str, ...]:
-    """The fields of a dataclass; none of another type."""
-    return tuple(field.name for field in fields(kind)) if is_dataclass(kind) else ()
+    """The fields of a dataclass that may hold a number; none of another type. What is annotated as arrays alone is passed by:
+    this is asked for every call."""
+    if not is_dataclass(kind):
+        return ()
+    return tuple(field.name for field in fields(kind) if not _ARRAYS.fullmatch(str(field.type)))

@@ -75,7 +75,7 @@ class Target:
 
 
 class Hider(Protocol):
-    """What is asked whether a mirror hides a point of the world: `textures.Texture` or `sight.Shadow`."""
+    """What is asked whether a mirror hides a point of the world: `textures.Texture`, `sight.Shadow` or `sight.Shadows`."""
 
     def hides(self, x: mi.Point3f, view: View, active: mi.Bool) -> tuple[mi.Bool, mi.Float]:
         """Whether it hides x from the eye, and the depth of the mirror there, from `view.depth`; where there are several

@@ -27,7 +27,7 @@ from benchharness.kernels.frozen import frozen
 from benchharness.kernels.types import Frame, Vertices, View
 from benchharness.kernels.vertices import problems, several, sight, vertexwise, virtual
 from benchharness.kernels.vertices.mirrormesh import MirrorMesh
-from benchharness.kernels.vertices.problems import Problem
+from benchharness.kernels.vertices.problems import Found, Problem
 
 SEEN = 4  # added to the kind of a reflection that is seen
 # Times the edge: an image is at most this far from its vertex if the other end is hidden. Where the edge is at d from the
@@ -129,13 +129,10 @@ def solved(
     counters  further work
     """
     return vertexwise.Solved(
-        images=made.images,
-        end=None,
-        vertices=made.vertices,
+        Found(made.images, made.vertices, None, {**made.counters, **(counters or {})}),
         drawing=drawing,
         hider=hider,
         back=back,
-        counters={**made.counters, **(counters or {})},
         triangles=made.triangles,
         own=own,
     )

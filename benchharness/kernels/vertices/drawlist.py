@@ -8,7 +8,7 @@ stand for.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import drjit as dr
@@ -18,8 +18,9 @@ import numpy as np
 from benchharness.kernels import geometry, packets, raster
 from benchharness.kernels.eye import eye_of
 from benchharness.kernels.frozen import frozen, roomy
+from benchharness.kernels.lanes import gathered
 from benchharness.kernels.types import Frame, MeshLike, SceneLike
-from benchharness.kernels.vertices import levels, patches
+from benchharness.kernels.vertices import edges, levels, patches
 from benchharness.kernels.vertices.adjacency import NONE
 
 LEFT_OUT = -1  # the level of a part that a mirror cannot show
@@ -34,6 +35,7 @@ class Stocked:
     names         the scene's triangles that they stand for, uint32 [F]
     error         as `levels.Level` has it
     edge          its longest edge
+    edges         its edges; None where none is split
     """
 
     first: int
@@ -42,6 +44,7 @@ class Stocked:
     names: np.ndarray
     error: float
     edge: float
+    edges: edges.Edges | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,11 +97,14 @@ def _bounds(mirrors: list[patches.Patches], balls: list[np.ndarray], parts: list
     return Bounds(mirrors, np.concatenate(balls), np.repeat(np.arange(len(balls)), counts), ball, off, edge, first, part, level)
 
 
-def stock(scene: SceneLike, searched: Sequence[MeshLike], kind: Literal["whole", "joined", "simplified"]) -> Stock:
+def stock(
+    scene: SceneLike, searched: Sequence[MeshLike], kind: Literal["whole", "joined", "simplified"], *, splits: bool = False
+) -> Stock:
     """The stock of a scene.
 
     searched  the mesh of each mirror that is searched
     kind      parts as they are; or with vertices at one place joined; or all levels of those, chosen from for every frame
+    splits    whether edges may be split
     """
     points, rows, places, balls, start, face = [], [], [], [], 0, 0
     for part, one in enumerate(scene.parts):
@@ -112,7 +118,8 @@ def stock(scene: SceneLike, searched: Sequence[MeshLike], kind: Literal["whole",
             corners = level.vertices[level.faces]
             edge = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max())
             names = (level.names + face).astype(np.uint32)
-            mine.append(Stocked(start, len(level.vertices), packed, names, level.error, edge))
+            of_level = edges.edges_of(level.vertices, level.faces) if splits else None
+            mine.append(Stocked(start, len(level.vertices), packed, names, level.error, edge, of_level))
             points.append(packets.of_rows(level.vertices, part))
             start += len(level.vertices)
         rows.append(mine)
@@ -133,6 +140,7 @@ class DrawList:
     faces        packets of the triangles, with the list's own numbers of vertices
     names        the scene's triangle that each stands for
     face_part, face_mirror  as `part` and `mirror`, per triangle
+    edges        the edges of the triangles; None where none is split
     vertex_count, face_count
     """
 
@@ -143,6 +151,7 @@ class DrawList:
     names: mi.UInt32
     face_part: mi.UInt32
     face_mirror: mi.UInt32
+    edges: edges.EdgeList | None
     vertex_count: int
     face_count: int
 
@@ -213,7 +222,7 @@ def _levels(
 
 
 def _made(stock: Stock, group: list[int], objects: int, level: np.ndarray) -> Choice:
-    source, mirror, faces, names, face_mirror = [], [], [], [], []
+    source, mirror, faces, names, face_mirror, sides = [], [], [], [], [], []
     starts, start = np.full(level.shape, -1, int), 0
     for k in range(len(group)):
         for p, chosen_level in enumerate(level[k]):
@@ -225,6 +234,8 @@ def _made(stock: Stock, group: list[int], objects: int, level: np.ndarray) -> Ch
             faces.append(part.faces + np.array([start, start, start, 0], np.uint32))
             names.append(part.names)
             face_mirror.append(np.full(len(part.faces), k))
+            if part.edges is not None:
+                sides.append((part.edges, start))
             starts[k, p] = start
             start += part.count
     total = sum(map(len, faces))
@@ -240,7 +251,8 @@ def _made(stock: Stock, group: list[int], objects: int, level: np.ndarray) -> Ch
     packed, named = np.concatenate([*faces, spare]), np.concatenate([*names, np.full(more, NONE)])
     on_device = [mi.UInt32(np.asarray(a, np.uint32).ravel()) for a in (source, owner[mirror], mirror, packed, named)]
     on_device += [mi.UInt32(a.astype(np.uint32)) for a in (owner[face_mirror], face_mirror)]
-    return Choice(level, starts, _lanes(stock, level, starts), DrawList(*on_device, vertices, triangles))
+    split = edges.uploaded(sides, triangles) if sides else None
+    return Choice(level, starts, _lanes(stock, level, starts), DrawList(*on_device, split, vertices, triangles))
 
 
 def _lanes(stock: Stock, level: np.ndarray, starts: np.ndarray) -> list[mi.UInt32]:
@@ -282,19 +294,4 @@ def carried(ends: Any, cold: Any, old: Choice, new: Choice, stock: Stock) -> Any
     for k, p in np.argwhere((old.level == new.level) & (new.level != LEFT_OUT)):
         count, to = stock.parts[p][new.level[k, p]].count, new.starts[k, p]
         index[to : to + count] = old.starts[k, p] + np.arange(count)
-    return _gathered(ends, cold, mi.UInt32(index), old.made.vertex_count)
-
-
-def _gathered(old: Any, cold: Any, index: mi.UInt32, count: int) -> Any:
-    if is_dataclass(old):
-        values = {f.name: _gathered(getattr(old, f.name), getattr(cold, f.name), index, count) for f in fields(old)}
-        return type(old)(**values)
-    kind, width = type(old), dr.width(old)
-    if width != count and dr.depth_v(kind) == 1 and width % count == 0:
-        each = width // count
-        lane = dr.arange(mi.UInt32, each * dr.width(index))
-        place = dr.gather(mi.UInt32, index, lane // each)
-        known = place != NONE
-        return dr.select(known, dr.gather(kind, old, place * each + lane % each, known), cold)
-    known = index != NONE
-    return dr.select(known, dr.gather(kind, old, index, known), cold)
+    return gathered(ends, cold, mi.UInt32(index), old.made.vertex_count)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -21,7 +22,7 @@ class Problem:
 
     world        what is reflected, in world space
     part         number of the mirror's part, whose own vertices are not searched; one per vertex where mirrors are several
-    shown_parts  parts from this number on are left out (`vertexwise.Scenery`)
+    shown_parts  parts from this number on are left out (`scenery.Scenery`)
     mirrors      parts from this number on are mirrors, and what shows them is doubted; None where no doubt is asked for
     poses        12 floats per part, as `types.Frame` has them
     view         the camera
@@ -98,6 +99,22 @@ class Answer:
     free: mi.Bool | None = None
     flush: mi.Bool | None = None
     border: mi.Bool | None = None
+
+
+@dataclass
+class Found:
+    """What a solver found of vertices.
+
+    images    virtual vertices
+    vertices  what there is to report of them
+    end       what a search of the same vertices, or of others beside them, starts from
+    counters  further work, integers per vertex
+    """
+
+    images: virtual.Images
+    vertices: Vertices
+    end: Any
+    counters: dict[str, mi.UInt32] = field(default_factory=dict)
 
 
 def images_of(problem: Problem, found: Answer) -> tuple[virtual.Images, Vertices]:

@@ -11,6 +11,7 @@ from dataclasses import fields
 import drjit as dr
 import mitsuba as mi
 
+from benchharness.kernels.lanes import joined
 from benchharness.kernels.types import Vertices
 from benchharness.kernels.vertices.adjacency import NONE
 
@@ -35,8 +36,8 @@ def of_mirrors(parts: Sequence[Vertices]) -> Vertices:
 def counters(told: Sequence[tuple[Vertices, Mapping[str, mi.UInt32]]]) -> dict[str, mi.UInt32]:
     """The counters of all groups of mirrors, one after the other; `told`: what each found, and what else it counted."""
     names = dict.fromkeys(name for _, counted in told for name in counted)
-    iterations = _joined([found.iterations for found, _ in told])
-    return {"iterations": iterations, **{name: _joined([_counted(*one, name) for one in told]) for name in names}}
+    iterations = joined([found.iterations for found, _ in told])
+    return {"iterations": iterations, **{name: joined([_counted(*one, name) for one in told]) for name in names}}
 
 
 def _counted(found: Vertices, counted: Mapping[str, mi.UInt32], name: str) -> mi.UInt32:
@@ -51,7 +52,7 @@ def _counted(found: Vertices, counted: Mapping[str, mi.UInt32], name: str) -> mi
 
 def _joined_vertices(parts: Sequence[Vertices]) -> Vertices:
     """The lanes of several mirrors' vertices, one after the other; `further` is left empty."""
-    return Vertices(**{name: _joined([getattr(part, name) for part in parts]) for name in NAMES})
+    return Vertices(**{name: joined([getattr(part, name) for part in parts]) for name in NAMES})
 
 
 def _place(vertices: Vertices, k: int) -> Vertices:
@@ -60,11 +61,3 @@ def _place(vertices: Vertices, k: int) -> Vertices:
         return vertices.further[k]
     arrays = {name: getattr(vertices, name) for name in NAMES}
     return Vertices(**{name: dr.zeros(type(array), dr.width(array)) for name, array in arrays.items()})
-
-
-def _joined(arrays: list):
-    """The lanes of several arrays of one type, one after the other."""
-    kind = type(arrays[0])
-    if dr.depth_v(kind) == 1:
-        return dr.concat(arrays)
-    return kind(*(dr.concat([a[k] for a in arrays]) for k in range(len(arrays[0]))))

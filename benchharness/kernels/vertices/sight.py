@@ -131,3 +131,8 @@ class Shadows:
         """As `Shadow.hides`, one x per lane."""
         mesh, pose = self.mirrors.at(self.mirror, pose_of(self.poses, self.part))
         return Shadow(mesh, pose).hides(x, view, active)
+
+    def of(self, triangles: mi.UInt32) -> Shadows:
+        """The mirrors of other triangles, by the numbers of those that they are pieces of."""
+        part, mirror = (dr.gather(mi.UInt32, a, triangles) for a in (self.part, self.mirror))
+        return Shadows(self.mirrors, self.poses, part, mirror)

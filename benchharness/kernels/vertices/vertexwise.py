@@ -5,7 +5,7 @@ A method brings the finding: it solves one `Problem` per mirror, or per group of
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, TypeVar
 
@@ -13,45 +13,25 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from benchharness.kernels import geometry, optics, passage, surroundings
+from benchharness.kernels import geometry, lanes, optics, passage, surroundings
 from benchharness.kernels import pixels as spreading
 from benchharness.kernels.frozen import frozen
-from benchharness.kernels.types import Frame, MeshLike, Reflection, SceneLike, Vertices, View
-from benchharness.kernels.vertices import adjacency, drawlist, exact, meshwalk, reporting, several, textures, virtual
+from benchharness.kernels.types import Frame, Reflection, Vertices, View
+from benchharness.kernels.vertices import (
+    adjacency,
+    drawlist,
+    exact,
+    meshwalk,
+    reporting,
+    several,
+    sight,
+    tessellation,
+    textures,
+    virtual,
+)
 from benchharness.kernels.vertices.mirrormesh import MirrorMesh
-from benchharness.kernels.vertices.problems import UNKNOWN, Problem
-
-
-@dataclass
-class Scenery:
-    """What is reflected.
-
-    triangles     the scene in object space; attributes: radiance, black for reflectors
-    world         the scene in world space
-    surroundings  what is at infinity; None where no mirror can show it, or where it is dark
-    objects       how many parts are objects; reflectors come after them
-    enclosed      per reflector, `benchharness.scene.Scene.enclosed`
-    boxes         that hold all parts; None without surroundings
-    beside        `adjacency.neighbours`, None where no ray asks
-    groups        numbers of the mirrors that are solved together
-    stock         what the groups' draw lists are made of; None where each mirror is alone and searches the scene as it is
-    lod_px        pixels that what levels of detail leave out may be seen large
-    """
-
-    triangles: geometry.Geometry
-    world: geometry.Geometry
-    surroundings: surroundings.Surroundings | None
-    objects: int
-    enclosed: tuple[bool, ...]
-    boxes: passage.Boxes | None
-    beside: mi.UInt32 | None
-    groups: list[list[int]]
-    stock: drawlist.Stock | None
-    lod_px: float
-
-    def parts_shown(self, others: str) -> int:
-        """Parts from this number on are left out: other mirrors are shown "black" or "omitted"."""
-        return self.objects if others == "omitted" else 0x7FFF_FFFF
+from benchharness.kernels.vertices.problems import UNKNOWN, Found, Problem
+from benchharness.kernels.vertices.scenery import Scenery
 
 
 class SelfMeeting(Protocol):
@@ -66,10 +46,12 @@ class SelfMeeting(Protocol):
 
 @dataclass
 class Kept:
-    """What the next frame needs of a group of mirrors: where its searches ended, and in which draw list."""
+    """What the next frame needs of a group of mirrors: where its searches ended, in which draw list, and what that was split
+    into."""
 
     end: Any
     choice: drawlist.Choice | None
+    pieces: tessellation.Tessellated | None
 
 
 @dataclass
@@ -93,69 +75,25 @@ S = TypeVar("S", bound=State)
 class Solved:
     """The images in a group of mirrors.
 
-    images     virtual vertices
-    end        what the next frame starts from
-    vertices   what was found of each vertex; with several reflections per vertex, `further` has the rest
+    found      what was found of the problem's vertices; of several reflections per vertex, `Vertices.further` has the rest
     drawing    how to draw them
     hider      what is asked whether the mirror hides a point, needed for "cut"
     back       nearness of the mirror's nearest back at each pixel, None if nothing can be behind it
     whole      what no triangle covers is nothing that is reflected, as long as every vertex of an object is reflected or
                hidden: the mirror is convex, and no triangle is dropped
-    counters   further work, integers per vertex
     triangles  what the images are of where a vertex has several (`branches`), None for the scene itself
     own        per number of a mirror, what is asked where it meets itself; those that do not ask are missing
+    further    finds the same of other vertices, from where it is told to start; None where no edge can be split
     """
 
-    images: virtual.Images
-    end: Any
-    vertices: Vertices
+    found: Found
     drawing: virtual.Drawing
     hider: virtual.Hider | None = None
     back: mi.Float | None = None
     whole: bool = False
-    counters: dict[str, mi.UInt32] = field(default_factory=dict)
     triangles: geometry.Geometry | None = None
     own: dict[int, SelfMeeting] = field(default_factory=dict)
-
-
-def check(resolve: str, lod_px: float, name: str) -> None:
-    """Raises ValueError for levels of detail where nothing shows the parts themselves."""
-    if lod_px > 0 and resolve != "ray":
-        raise ValueError(f'{name}: lod_px {lod_px:g} with resolve "{resolve}"; accepted: 0, or "ray"')
-
-
-def scenery(
-    scene: SceneLike,
-    searched: Sequence[MeshLike],
-    resolve: str = "interpolate",
-    lod_px: float = 0.0,
-    groups: list[list[int]] | None = None,
-) -> Scenery:
-    """What a `benchharness.scene.Scene` shows, uploaded.
-
-    searched  the mesh of each mirror that is searched
-    resolve   what pixels show, "interpolate" or "ray"
-    lod_px    as `Scenery` has it
-    groups    likewise; None for each mirror alone
-    """
-    triangles = geometry.of_scene(scene)
-    any_light = scene.environment is not None or max(scene.background) > 0
-    around = surroundings.of_scene(scene) if any_light and not all(scene.enclosed) else None
-    boxes = None if around is None else passage.of_scene(scene)
-    beside = adjacency.neighbours(scene) if resolve == "ray" else None
-    groups = [[i] for i in range(len(scene.reflectors))] if groups is None else groups
-    stock = None
-    if resolve == "ray":
-        stock = drawlist.stock(scene, searched, "simplified" if lod_px > 0 else "joined")
-    elif any(len(group) > 1 for group in groups):
-        stock = drawlist.stock(scene, searched, "whole")
-    enclosed = tuple(scene.enclosed)
-    return Scenery(triangles, triangles, around, len(scene.objects), enclosed, boxes, beside, groups, stock, lod_px)
-
-
-def posed(seen: Scenery, frame: Frame) -> Scenery:
-    """The scenery with every part where it is in this frame."""
-    return replace(seen, world=geometry.placed(seen.triangles, frame.poses))
+    further: Callable[[Problem, Any], Found] | None = None
 
 
 def shown(
@@ -212,9 +150,10 @@ def shown(
     vertices = _found(drawn)
     if sheets is not None:
         vertices.valid = several.valid(sheets, seen.objects, frame, seen.world.points, vertices)
-    counters = reporting.counters([(one.solved.vertices, one.solved.counters) for one in drawn])
+    counters = reporting.counters([one.told for one in drawn])
     reflection = Reflection(L, distance, found, vertices, {**counters, **picture.counters}, doubt)
-    return reflection, replace(state, ends=[Kept(one.solved.end, one.choice) for one in drawn], view=frame.view)
+    ends = [Kept(one.solved.found.end, one.choice, one.pieces) for one in drawn]
+    return reflection, replace(state, ends=ends, view=frame.view)
 
 
 def _found(drawn: list[_Drawn]) -> Vertices:
@@ -222,7 +161,7 @@ def _found(drawn: list[_Drawn]) -> Vertices:
     found: dict[int, Vertices] = {}
     for one in drawn:
         for k, i in enumerate(one.group):
-            vertices = one.solved.vertices
+            vertices = one.solved.found.vertices
             found[i] = vertices if one.choice is None else reporting.of_scene(vertices, one.choice.lanes[k])
     return reporting.of_mirrors([found[i] for i in sorted(found)])
 
@@ -246,12 +185,14 @@ def _drawn(
         choice = drawlist.chosen(stock, group, frame, seen.objects, parts, seen.lod_px, old)
         made = choice.made
         if end is not None and old is not None and old is not choice:
+            if last is not None and last.pieces is not None:
+                end = lanes.first(last.pieces.made.ends, last.pieces.room, last.pieces.base)
             end = drawlist.carried(end, cold(made.vertex_count), old, choice, stock)
         world = drawlist.world_of(stock.points, made, frame.poses, seen.world, carries=seen.beside is None)
         problem = replace(problem, world=world)
         if len(group) > 1:
             problem = replace(problem, part=made.part, mirror=made.mirror, of_triangles=(made.face_part, made.face_mirror))
-    one = solve(problem, cold(problem.count) if end is None else end)
+    one, pieces = _solved(seen, problem, group, solve, choice, frame.poses, last, end, cold)
     boxes = np.array([frame.boxes[i] for i in group])
     box = tuple(map(int, (*boxes[:, :2].min(axis=0), *boxes[:, 2:].max(axis=0))))
     window = textures.window(frame.view, box, 1.0)
@@ -259,8 +200,48 @@ def _drawn(
     layer = dr.opaque(mi.UInt32, seen.objects) if len(group) > 1 else None
     pixel, target = _within(window, frame.view.width, frame.p, frame.reflector, members, layer, one.back)
     owner = part if problem.of_triangles is None else problem.of_triangles[0]
-    nearest = virtual.nearest(one.images, one.triangles or problem.world, owner, target, one.drawing, one.hider)
-    return _Drawn(group, choice, problem, one, pixel, target, nearest)
+    images, triangles, hider = one.found.images, one.triangles or problem.world, one.hider
+    if pieces is not None:
+        images, triangles = pieces.made.known.images, pieces.world
+        if problem.of_triangles is not None:
+            owner = dr.gather(mi.UInt32, owner, pieces.piece_of)
+            hider = hider.of(pieces.piece_of) if isinstance(hider, sight.Shadows) else hider
+    nearest = virtual.nearest(images, triangles, owner, target, one.drawing, hider)
+    return _Drawn(group, choice, problem, one, pixel, target, nearest, pieces)
+
+
+def _solved(
+    seen: Scenery,
+    problem: Problem,
+    group: list[int],
+    solve: Callable[[Problem, Any], Solved],
+    choice: drawlist.Choice | None,
+    poses: mi.Float,
+    last: Kept | None,
+    end: Any,
+    cold: Callable[[int], Any],
+) -> tuple[Solved, tessellation.Tessellated | None]:
+    """A group of mirrors solved, and what its triangles were split into, None where none are."""
+    start = cold(problem.count) if end is None else end
+    edges = None if choice is None else choice.made.edges
+    if edges is None or choice is None or seen.stock is None:
+        return solve(problem, start), None
+    still = drawlist.world_of(seen.stock.points, choice.made, seen.still, seen.triangles, carries=seen.beside is None)
+    asked = tessellation.Asked(problem, still, edges, seen.split_px, all(seen.flat[i] for i in group))
+    before = None if last is None else last.pieces
+    if before is not None and last is not None and last.choice is choice:
+        fine = tessellation.again(before, problem)
+        one = solve(fine, before.made.ends)
+        pieces = tessellation.kept(before, asked, fine, one.found)
+        if pieces is not None:
+            return one, pieces
+        one.found = tessellation.of_list(one.found, before)
+    else:
+        one = solve(problem, start)
+    if one.further is None:
+        return one, None
+    pieces = tessellation.tessellated(asked, one.found, one.further, cold, before)
+    return one, pieces
 
 
 @dataclass
@@ -275,6 +256,14 @@ class _Drawn:
     pixel: mi.UInt32
     target: virtual.Target
     nearest: virtual.Nearest
+    pieces: tessellation.Tessellated | None
+
+    @property
+    def told(self) -> tuple[Vertices, dict[str, mi.UInt32]]:
+        """What was found of the vertices, and counters."""
+        if self.pieces is None:
+            return self.solved.found.vertices, self.solved.found.counters
+        return replace(self.solved.found.vertices, iterations=self.pieces.iterations), self.pieces.counters
 
 
 def _interpolated(frame: Frame, drawn: list[_Drawn]) -> Reflection:
@@ -304,10 +293,13 @@ def _by_rays(seen: Scenery, beside: mi.UInt32, frame: Frame, drawn: list[_Drawn]
     for one in drawn:
         assert one.choice is not None
         own, made = one.target.own, one.choice.made
-        called = virtual.named(one.nearest, one.target, made.names, made.face_count)
+        names, pieces = made.names, one.pieces
+        if pieces is not None:
+            names = dr.gather(mi.UInt32, names, pieces.piece_of)
+        called = virtual.named(one.nearest, one.target, names, dr.width(names))
         lane = dr.gather(mi.UInt32, number, one.pixel, own)
-        for names, named in zip((covering, small), called, strict=True):
-            dr.scatter(names, named, lane, own)
+        for target, named in zip((covering, small), called, strict=True):
+            dr.scatter(target, named, lane, own)
     asked = meshwalk.Asked(seen.world, beside, dr.opaque(mi.UInt32, seen.objects))
     shows, pixels = exact.shown(
         asked, frame, number, exact.Named(covering, small), frame.active & passage.walled(seen.enclosed, frame.reflector)
@@ -325,7 +317,7 @@ def _may_be_lost(seen: Scenery, frame: Frame, drawn: list[_Drawn], sky: mi.Bool)
         problem, solved = one.problem, one.solved
         lane = dr.arange(mi.UInt32, problem.count)
         part = dr.gather(mi.Float, problem.world.points, 4 * lane + 3)
-        unknown = (solved.vertices.region == UNKNOWN) & (part < seen.objects)
+        unknown = (dr.gather(mi.UInt32, solved.found.vertices.region, lane) == UNKNOWN) & (part < seen.objects)
         for k, i in enumerate(one.group):
             mine = unknown if problem.mirror is None else unknown & (problem.mirror == k)
             asked |= (frame.reflector == i) & (dr.any(mine) if solved.whole else mi.Bool(True))

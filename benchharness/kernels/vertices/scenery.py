@@ -1,0 +1,99 @@
+"""What is reflected in mirrors whose images are moved vertices: the scene on the device, and the lists it is searched in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import mitsuba as mi
+import numpy as np
+
+from benchharness.kernels import geometry, passage, surroundings
+from benchharness.kernels.types import Frame, MeshLike, SceneLike
+from benchharness.kernels.vertices import adjacency, drawlist
+
+FLAT = 1e-6  # how much normals of a flat mirror differ
+
+
+@dataclass
+class Scenery:
+    """What is reflected.
+
+    triangles     the scene in object space; attributes: radiance, black for reflectors
+    world         the scene in world space
+    surroundings  what is at infinity; None where no mirror can show it, or where it is dark
+    objects       how many parts are objects; reflectors come after them
+    enclosed      per reflector, `benchharness.scene.Scene.enclosed`
+    boxes         that hold all parts; None without surroundings
+    beside        `adjacency.neighbours`, None where no ray asks
+    groups        numbers of the mirrors that are solved together
+    stock         what the groups' draw lists are made of; None where each mirror is alone and searches the scene as it is
+    lod_px        pixels that what levels of detail leave out may be seen large
+    split_px      pixels that the image of an edge may be off a straight line, or else it is split; 0 where none is
+    flat          per reflector, whether all its normals are one
+    still         the poses of parts that are where they were modelled
+    """
+
+    triangles: geometry.Geometry
+    world: geometry.Geometry
+    surroundings: surroundings.Surroundings | None
+    objects: int
+    enclosed: tuple[bool, ...]
+    boxes: passage.Boxes | None
+    beside: mi.UInt32 | None
+    groups: list[list[int]]
+    stock: drawlist.Stock | None
+    lod_px: float
+    split_px: float
+    flat: tuple[bool, ...]
+    still: mi.Float
+
+    def parts_shown(self, others: str) -> int:
+        """Parts from this number on are left out: other mirrors are shown "black" or "omitted"."""
+        return self.objects if others == "omitted" else 0x7FFF_FFFF
+
+
+def check(resolve: str, lod_px: float, split_px: float, multi: int, name: str) -> None:
+    """Raises ValueError for levels of detail where nothing shows the parts themselves, and for edges that are to be split where
+    a vertex may have several images."""
+    if split_px > 0 and multi > 1:
+        raise ValueError(f"{name}: split_px {split_px:g} with multi {multi}; accepted: 0, or multi 1")
+    if lod_px > 0 and resolve != "ray":
+        raise ValueError(f'{name}: lod_px {lod_px:g} with resolve "{resolve}"; accepted: 0, or "ray"')
+
+
+def of_scene(
+    scene: SceneLike,
+    searched: Sequence[MeshLike],
+    resolve: str = "interpolate",
+    lod_px: float = 0.0,
+    split_px: float = 0.0,
+    groups: list[list[int]] | None = None,
+) -> Scenery:
+    """What a `benchharness.scene.Scene` shows, uploaded.
+
+    searched  the mesh of each mirror that is searched
+    resolve   what pixels show, "interpolate" or "ray"
+    lod_px, split_px  as `Scenery` has them
+    groups    likewise; None for each mirror alone
+    """
+    triangles = geometry.of_scene(scene)
+    any_light = scene.environment is not None or max(scene.background) > 0
+    around = surroundings.of_scene(scene) if any_light and not all(scene.enclosed) else None
+    boxes = None if around is None else passage.of_scene(scene)
+    beside = adjacency.neighbours(scene) if resolve == "ray" else None
+    groups = [[i] for i in range(len(scene.reflectors))] if groups is None else groups
+    stock = None
+    if resolve == "ray":
+        stock = drawlist.stock(scene, searched, "simplified" if lod_px > 0 else "joined", splits=split_px > 0)
+    elif split_px > 0 or any(len(group) > 1 for group in groups):
+        stock = drawlist.stock(scene, searched, "whole", splits=split_px > 0)
+    enclosed = tuple(scene.enclosed)
+    flat = tuple(bool(np.ptp(np.asarray(mesh.normals), axis=0).max() < FLAT) for mesh in searched)
+    objects, still = len(scene.objects), mi.Float(np.tile(np.eye(3, 4).ravel(), len(scene.parts)))
+    return Scenery(triangles, triangles, around, objects, enclosed, boxes, beside, groups, stock, lod_px, split_px, flat, still)
+
+
+def posed(seen: Scenery, frame: Frame) -> Scenery:
+    """The scenery with every part where it is in this frame."""
+    return replace(seen, world=geometry.placed(seen.triangles, frame.poses))
