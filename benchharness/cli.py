@@ -141,6 +141,32 @@ def speed(
 
 
 @app.command()
+def needs(
+    scene: Annotated[list[str] | None, typer.Argument(metavar="[SCENE]...", help="of the config; all if not given")] = None,
+    config: Annotated[Path, typer.Option(help="a TOML file as of `run`, or a name; your own scenes too")] = Path("needs"),
+    out: Out = None,
+    only: Only = None,
+    plugin: Plugin = None,
+) -> None:
+    """Say how little model is enough: vertices, texels, maps."""
+
+    def action() -> int:
+        from benchharness.execution import folder
+        from benchharness.needs import study
+        from benchharness.report import needs as page
+        from benchharness.study import config as configs
+        from benchharness.study import shipped
+
+        loaded = configs.load(shipped.config(config), plugin or (), only or ())
+        place = out or folder.stamped("needs")
+        study.run(loaded, scene or (), place, Console())
+        print(page.write(place))
+        return Exit.FINE
+
+    _exit(action)
+
+
+@app.command()
 def report(run: RunFolder) -> None:
     """Write report.html of a run anew."""
 

@@ -6,12 +6,14 @@ curve through its swept parameters. Path: where the time goes, and both along th
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
@@ -251,3 +253,11 @@ def save(figure: Figure, stem: Path) -> list[Path]:
         figure.savefig(png, dpi=150, metadata={"Software": "benchharness"})
         figure.savefig(svg, metadata={"Date": None, "Creator": "benchharness"})
     return [png, svg]
+
+
+def inline(figure: Figure) -> Markup:
+    """A chart as SVG that stands in a page."""
+    out = io.StringIO()
+    figure.savefig(out, format="svg")
+    text = out.getvalue()
+    return Markup(text[text.index("<svg") :])

@@ -6,7 +6,6 @@ One file that opens without a network. Reads the suite's tables and images/; nev
 from __future__ import annotations
 
 import base64
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from benchharness.report import overtime
-from benchharness.report.chart import STYLE
+from benchharness.report.chart import STYLE, inline
 from benchharness.report.points import looks
 from benchharness.tables.columns import VERDICTS
 from benchharness.tables.files import write_atomic
@@ -103,7 +102,4 @@ def _curves(rows: Sequence[dict]) -> Markup:
         axes.set_ylim(bottom=0)
         axes.grid(axis="y")
         axes.legend(fontsize=6, loc="upper left", bbox_to_anchor=(1, 1))
-        out = io.StringIO()
-        figure.savefig(out, format="svg")
-    text = out.getvalue()
-    return Markup(text[text.index("<svg") :])
+        return inline(figure)

@@ -11,6 +11,7 @@ from markupsafe import Markup
 from PIL import Image
 
 from benchharness.report import motion
+from benchharness.report.chart import inline
 from benchharness.tables.columns import VERDICTS
 from benchharness.tables.stability import read
 
@@ -42,9 +43,7 @@ def _motion(folder: Path) -> Markup:
         tables.append((scene, steady, jumps, [p for p in pictures if p[1] or p[2]]))
     curves = Markup("")
     if frames.is_file():
-        out = io.StringIO()
-        motion.changes(read(frames)).savefig(out, format="svg")
-        curves = Markup(out.getvalue()[out.getvalue().index("<svg") :])
+        curves = inline(motion.changes(read(frames)))
     return rendered("motion.html.jinja", tables=tables, columns=COLUMNS, jump_columns=JUMP_COLUMNS, curves=curves)
 
 

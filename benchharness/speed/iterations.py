@@ -17,7 +17,7 @@ import numpy as np
 
 from benchharness.api import Reflection
 from benchharness.kernels import packets
-from benchharness.kernels.vertices import problems, vertexwise, virtual
+from benchharness.kernels.vertices import problems, scenery, virtual
 from benchharness.scene import Scene
 from benchharness.speed.stage import Stage
 from benchharness.study import plugins
@@ -86,7 +86,7 @@ def _picture(stage: Stage, reflection: Reflection) -> np.ndarray:
     """The iterations of the reflected vertices, drawn where the mirrors show them; float [H, W]."""
     scene, frame, vertices = stage.scene, stage.frame, reflection.vertices
     assert vertices is not None
-    seen = vertexwise.posed(vertexwise.scenery(scene, []), frame)
+    seen = scenery.posed(scenery.of_scene(scene, []), frame)
     count = seen.triangles.vertex_count
     total, covered = mi.Float(0), mi.Bool(False)
     for i in range(len(scene.reflectors)):

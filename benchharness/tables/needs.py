@@ -1,0 +1,19 @@
+"""The tables of `benchharness needs`: a row per value of a knob, and a row per knob with its knee."""
+
+from __future__ import annotations
+
+from benchharness.tables.columns import Kind
+
+NEEDS, NEEDS_SAMPLES, PAGE = "needs.csv", "needs-samples.csv", "needs.html"
+NAMES = "scene method knob given".split()
+NUMBERS: dict[str, Kind] = {"vertices": "integer", "searched": "integer", "flip": "number", "frame_ms": "number"}
+"""Of a model: vertices of the scene that is rendered; how many of them, and of those that were added, were searched in all
+mirrors, empty for methods that search none; mean FLIP in mirrors over all frames; and the time of a whole frame in which
+everything that can move does."""
+SAMPLE_KINDS: dict[str, Kind] = {**NUMBERS, **dict.fromkeys(("flip_lo", "flip_hi", "coverage"), "number")}
+SAMPLES = [*NAMES, "value", "status", "reason", *SAMPLE_KINDS]
+"""`flip_lo` and `flip_hi`: its 95 % interval."""
+ENDS = ("least", "knee", "most")
+"""The smallest model, the knee and the largest model: the value of the knob there, and NUMBERS."""
+KNEE_KINDS: dict[str, Kind] = {f"{end}_{name}": kind for end in ENDS for name, kind in NUMBERS.items()}
+KNEES = [*NAMES, *(name for end in ENDS for name in (end, *(f"{end}_{number}" for number in NUMBERS)))]
