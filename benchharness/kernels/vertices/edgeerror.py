@@ -23,6 +23,7 @@ OFF = (0.25, 4.0)  # what a prediction is taken to be wrong by, at least and at 
 STALLED = 0.5  # of the error of an edge, that of its halves; where the mirror's normals jump, it stays, whatever is split
 PATIENCE = 3  # times in a row that it may, of edges whose images are longer than
 SHORT = 16.0  # pixels
+CUT_ROUNDS = 6  # in which edges are split that are partly hidden: each halves what is cut off where the hidden region begins
 MARGIN = 16.0  # pixels around the picture; what is beyond is taken to be straight
 
 
@@ -49,6 +50,29 @@ class Known:
 
 
 @dataclass
+class Mirror:
+    """What is taken for granted of a mirror.
+
+    least     LEAST_TURN, 0 for a flat one
+    patience  PATIENCE; 1 for one in which a vertex may have several images: there they jump, and no edge across a jump is right
+    cut       CUT_ROUNDS; 1 for such a one, whose vertices may have no image where those beside them have
+    """
+
+    least: mi.Float
+    patience: mi.Float
+    cut: mi.UInt32
+
+    @staticmethod
+    def of(*, flat: bool, single: bool) -> Mirror:
+        """`single`: no vertex has several images."""
+        return Mirror(
+            dr.opaque(mi.Float, 0.0 if flat else LEAST_TURN),
+            dr.opaque(mi.Float, PATIENCE if single else 1),
+            dr.opaque(mi.UInt32, CUT_ROUNDS if single else 1),
+        )
+
+
+@dataclass
 class Ends:
     """The ends of edges.
 
@@ -60,9 +84,10 @@ class Ends:
     middle: tuple[mi.Bool, mi.Bool]
 
 
-def predicted(known: Known, ends: Ends, view: View, least: mi.Float) -> mi.Float:
-    """How far the images of edges are off. `least`: LEAST_TURN, 0 for a flat mirror."""
+def predicted(known: Known, ends: Ends, view: View, mirror: Mirror) -> mi.Float:
+    """How far the images of edges are off."""
     a, b = ends.index
+    rounds = dr.maximum(*(dr.gather(mi.UInt32, known.born, 4 * i + 3) for i in ends.index))
     reflected = [dr.gather(mi.Float, known.images.moved, 4 * i + 3) == virtual.REFLECTED for i in ends.index]
     R = [dr.gather(mi.Vector4f, known.images.at, i) for i in ends.index]
     normal = [dr.gather(mi.Vector4f, known.normal, i) for i in ends.index]
@@ -72,14 +97,14 @@ def predicted(known: Known, ends: Ends, view: View, least: mi.Float) -> mi.Float
         away = pixel(view, dr.gather(mi.Vector4f, known.world, i))
         to = dr.clip(away, mi.Point2f(-MARGIN), mi.Point2f(view.width + MARGIN, view.height + MARGIN))
         rest = dr.asin(dr.clip(dr.dot(normal[k].xyz, unit(view.eye - R[k].xyz)), 0, 1))
-        to_outline.append(dr.select(least > 0, 0.125 * dr.norm(x[k] - to) * rest, 0))
+        to_outline.append(dr.select((mirror.least > 0) & (rounds < mirror.cut), 0.125 * dr.norm(x[k] - to) * rest, 0))
     turn = 2 * dr.asin(dr.minimum(0.5 * dr.norm(normal[0].xyz - normal[1].xyz), 1))
     errors = [dr.select(middle, q.w, -1) for middle, q in zip(ends.middle, normal, strict=True)]
     error, off = dr.maximum(*errors), mi.Float(0)
     for e, i in zip(errors, ends.index, strict=True):
         off = dr.maximum(off, dr.select(e >= 0, dr.gather(mi.Float, known.off, i), 0))
     is_measured = error >= 0
-    straight = 0.125 * dr.norm(x[0] - x[1]) * dr.select(is_measured, off * turn, dr.maximum(bent.WIDER * turn, least))
+    straight = 0.125 * dr.norm(x[0] - x[1]) * dr.select(is_measured, off * turn, dr.maximum(bent.WIDER * turn, mirror.least))
     straight = dr.select(is_measured & (off > 0), dr.maximum(straight, LEAST_GAIN * error), straight)
     both = reflected[0] & reflected[1]
     found = dr.select(both, straight, dr.select(reflected[0], to_outline[0], dr.select(reflected[1], to_outline[1], 0)))
@@ -98,7 +123,14 @@ class Measured:
 
 
 def measured(
-    known: Known, moved: mi.Float, normals: mi.Normal3f, born: mi.UInt32, view: View, lane: mi.UInt32, count: int
+    known: Known,
+    moved: mi.Float,
+    normals: mi.Normal3f,
+    born: mi.UInt32,
+    view: View,
+    mirror: Mirror,
+    lane: mi.UInt32,
+    count: int,
 ) -> Measured:
     """What the middles of edges say of them: `count` vertices, of which these are the images, the mirror's normals and
     `Known.born`. `known`: what is known of their ends."""
@@ -121,7 +153,7 @@ def measured(
         stalls = dr.select(there > last, dr.gather(mi.Float, known.stalls, i), stalls)
         last = dr.maximum(last, there)
     stalls = dr.select((last >= 0) & (error > STALLED * last), stalls + 1, 0)
-    given_up = (stalls >= PATIENCE) | ((stalls > 0) & (length < SHORT))
+    given_up = (stalls >= mirror.patience) | ((stalls > 0) & (length < SHORT))
     off = dr.select(found, dr.select(given_up, 0, off), bent.WIDER)
     normal = packets.joined(mi.Vector3f(normals), dr.select(found, error, -1), count)
     return Measured(normal, off, dr.select(found, stalls, 0))

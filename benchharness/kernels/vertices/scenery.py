@@ -13,6 +13,7 @@ from benchharness.kernels.types import Frame, MeshLike, SceneLike
 from benchharness.kernels.vertices import adjacency, drawlist
 
 FLAT = 1e-6  # how much normals of a flat mirror differ
+HOLLOW = 1e-3  # radians that a normal may turn inwards along an edge of a mirror that is nowhere hollow
 
 
 @dataclass
@@ -30,7 +31,7 @@ class Scenery:
     stock         what the groups' draw lists are made of; None where each mirror is alone and searches the scene as it is
     lod_px        pixels that what levels of detail leave out may be seen large
     split_px      pixels that the image of an edge may be off a straight line, or else it is split; 0 where none is
-    flat          per reflector, whether all its normals are one
+    flat, bulges  per reflector, whether all its normals are one, and whether it is nowhere hollow; False where no edge is split
     still         the poses of parts that are where they were modelled
     """
 
@@ -46,6 +47,7 @@ class Scenery:
     lod_px: float
     split_px: float
     flat: tuple[bool, ...]
+    bulges: tuple[bool, ...]
     still: mi.Float
 
     def parts_shown(self, others: str) -> int:
@@ -89,11 +91,35 @@ def of_scene(
     elif split_px > 0 or any(len(group) > 1 for group in groups):
         stock = drawlist.stock(scene, searched, "whole", splits=split_px > 0)
     enclosed = tuple(scene.enclosed)
-    flat = tuple(bool(np.ptp(np.asarray(mesh.normals), axis=0).max() < FLAT) for mesh in searched)
+    flat = tuple(split_px > 0 and bool(np.ptp(np.asarray(mesh.normals), axis=0).max() < FLAT) for mesh in searched)
+    bulges = tuple(split_px > 0 and _bulges(mesh) for mesh in searched)
     objects, still = len(scene.objects), mi.Float(np.tile(np.eye(3, 4).ravel(), len(scene.parts)))
-    return Scenery(triangles, triangles, around, objects, enclosed, boxes, beside, groups, stock, lod_px, split_px, flat, still)
+    return Scenery(
+        triangles=triangles,
+        world=triangles,
+        surroundings=around,
+        objects=objects,
+        enclosed=enclosed,
+        boxes=boxes,
+        beside=beside,
+        groups=groups,
+        stock=stock,
+        lod_px=lod_px,
+        split_px=split_px,
+        flat=flat,
+        bulges=bulges,
+        still=still,
+    )
 
 
 def posed(seen: Scenery, frame: Frame) -> Scenery:
     """The scenery with every part where it is in this frame."""
     return replace(seen, world=geometry.placed(seen.triangles, frame.poses))
+
+
+def _bulges(mesh: MeshLike) -> bool:
+    """Whether normals turn outwards along every edge of a mesh, but for rounding."""
+    faces = np.asarray(mesh.faces)
+    ends = np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)])
+    along, turn = (a[ends[:, 1]] - a[ends[:, 0]] for a in (np.asarray(mesh.vertices), np.asarray(mesh.normals)))
+    return bool(((along * turn).sum(axis=1) >= -HOLLOW * np.linalg.norm(along, axis=1)).all())

@@ -17,7 +17,7 @@ from benchharness.kernels.frozen import frozen
 from benchharness.kernels.lanes import NONE
 from benchharness.kernels.types import View
 from benchharness.kernels.vertices import virtual
-from benchharness.kernels.vertices.edgeerror import Ends, Known, predicted
+from benchharness.kernels.vertices.edgeerror import Ends, Known, Mirror, predicted
 
 JOINED_AT = 0.5  # of the error that splits an edge; one that was split in the last frame is split down to this
 BITS = 18  # of the memory of edges that were split
@@ -76,12 +76,12 @@ class Limits:
 
     pixels  their error
     was     memory of the last frame's, as `remembered` makes it
-    least   as `edgeerror.predicted` has it
+    mirror  what is taken for granted of it
     """
 
     pixels: mi.Float
     was: mi.Bool
-    least: mi.Float
+    mirror: Mirror
 
 
 def room_for(count: int) -> int:
@@ -141,7 +141,7 @@ def marked(
     key = mixed(dr.minimum(*keys) * mi.UInt32(0x9E3779B1) + dr.maximum(*keys))
     ends = Ends((a, b), tuple((number > 1) & (one.w + 1 == number) for one in born))
     pixels = dr.select(dr.gather(mi.Bool, limits.was, key & mi.UInt32((1 << BITS) - 1)), JOINED_AT, 1) * limits.pixels
-    splits = dr.gather(mi.Bool, wanted, own.z) & (own.x != own.y) & (predicted(known, ends, view, limits.least) > pixels)
+    splits = dr.gather(mi.Bool, wanted, own.z) & (own.x != own.y) & (predicted(known, ends, view, limits.mirror) > pixels)
     ranks = dr.prefix_reduce(dr.ReduceOp.Add, dr.select(splits, mi.UInt32(1), 0), exclusive=False)
 
     sides_split = mi.UInt32(0)

@@ -21,7 +21,7 @@ from benchharness.kernels.lanes import NONE
 from benchharness.kernels.placement import unit
 from benchharness.kernels.types import View
 from benchharness.kernels.vertices import bent, splitting, virtual
-from benchharness.kernels.vertices.edgeerror import LEAST_TURN, Ends, Known, measured, predicted
+from benchharness.kernels.vertices.edgeerror import Ends, Known, Mirror, measured, predicted
 from benchharness.kernels.vertices.edges import EdgeList
 from benchharness.kernels.vertices.problems import Found, Problem
 from benchharness.kernels.vertices.splitting import count_to
@@ -100,14 +100,14 @@ class Asked:
     still    the same in object space
     edges    of the triangles
     pixels   by which images of edges may be off
-    flat     the mirror is
+    mirror   what is taken for granted of it
     """
 
     problem: Problem
     still: geometry.Geometry
     edges: EdgeList
     pixels: float
-    flat: bool
+    mirror: Mirror
 
     @property
     def owner(self) -> mi.UInt32:
@@ -115,7 +115,7 @@ class Asked:
         return self.problem.part if self.problem.of_triangles is None else self.problem.of_triangles[0]
 
     def limits(self, was: mi.Bool) -> splitting.Limits:
-        return splitting.Limits(dr.opaque(mi.Float, self.pixels), was, dr.opaque(mi.Float, 0.0 if self.flat else LEAST_TURN))
+        return splitting.Limits(dr.opaque(mi.Float, self.pixels), was, self.mirror)
 
 
 def tessellated(
@@ -163,7 +163,7 @@ def tessellated(
         front, born = splitting.split(front, marks, made.known.world, here, numbers, sizes)
         between, points, begun = _between(made, problem.part, born, cold(new), lane, new)
         found = further(_of_new(problem, between, points, new), begun)
-        told = _told(made.known, found.images.moved, found.vertices.n, born, view, lane, new)
+        told = _told(made.known, found.images.moved, found.vertices.n, born, view, asked.mirror, lane, new)
         new_known = Known(points, found.images, told.normal, told.off, told.stalls, born)
         lanes.put(made, Vertices(new_known, between, found.end), here, lane)
         counted.append(found.counters)
@@ -203,7 +203,8 @@ def kept(before: Tessellated, asked: Asked, fine: Problem, found: Found) -> Tess
     old, lane = before.made.known, count_to(before.room)
     known = replace(old, world=fine.world.points, images=found.images)
     normals = _normals(found.vertices.n, before.room)
-    told = _told(replace(known, normal=normals), found.images.moved, found.vertices.n, old.born, fine.view, lane, before.room)
+    ends, n = replace(known, normal=normals), found.vertices.n
+    told = _told(ends, found.images.moved, n, old.born, fine.view, asked.mirror, lane, before.room)
     known = replace(known, normal=told.normal, off=dr.select(old.off > 0, told.off, 0))
     made = replace(before.made, known=known, ends=found.end)
     answer = replace(before, made=made, world=fine.world, iterations=found.vertices.iterations, counters=found.counters)
@@ -246,7 +247,7 @@ def _counts(
         rounds = [dr.gather(mi.UInt32, known.born, 4 * i + 3) for i in (a, b)]
         last = dr.maximum(*rounds)
         ends = Ends((a, b), tuple((one == last) & (last > 0) for one in rounds))
-        worst = dr.maximum(worst, predicted(known, ends, view, limits.least))
+        worst = dr.maximum(worst, predicted(known, ends, view, limits.mirror))
     one = mi.UInt32(1)
     dr.scatter_reduce(dr.ReduceOp.Add, totals, one, mi.UInt32(0), shown & (worst > LATE * limits.pixels))
     dr.scatter_reduce(dr.ReduceOp.Add, totals, one, mi.UInt32(1), shown)

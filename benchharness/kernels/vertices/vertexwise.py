@@ -20,6 +20,7 @@ from benchharness.kernels.types import Frame, Reflection, Vertices, View
 from benchharness.kernels.vertices import (
     adjacency,
     drawlist,
+    edgeerror,
     exact,
     meshwalk,
     reporting,
@@ -227,7 +228,8 @@ def _solved(
     if edges is None or choice is None or seen.stock is None:
         return solve(problem, start), None
     still = drawlist.world_of(seen.stock.points, choice.made, seen.still, seen.triangles, carries=seen.beside is None)
-    asked = tessellation.Asked(problem, still, edges, seen.split_px, all(seen.flat[i] for i in group))
+    flat, single = (all(told[i] for i in group) for told in (seen.flat, seen.bulges))
+    asked = tessellation.Asked(problem, still, edges, seen.split_px, edgeerror.Mirror.of(flat=flat, single=flat or single))
     before = None if last is None else last.pieces
     if before is not None and last is not None and last.choice is choice:
         fine = tessellation.again(before, problem)

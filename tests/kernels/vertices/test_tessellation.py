@@ -11,7 +11,7 @@ import pytest
 from support.mirror_room import CENTRE, EYE, balls, mirror_ball, orbit, scene, shaded, smooth, still
 from support.small_room import box, quad
 
-from benchharness.kernels.vertices import tessellation, vertexwise
+from benchharness.kernels.vertices import scenery, tessellation, vertexwise
 from benchharness.measure import truth
 from benchharness.scene import Gloss, Mesh, Object, PointLight, Reflector, subdivided
 from methods.image_space_search import ImageSpaceSearch
@@ -288,3 +288,36 @@ def test_a_cut_of_the_camera_makes_them_anew(spied, monkeypatch):
     [fresh] = shaded(Newton(split_px=0.5), made, 1, size=SIZE)
     assert np.abs(turned.L - fresh.L)[turned.active & turned.found & fresh.found].mean() < 1e-3
     assert not np.array_equal(first.L, turned.L)
+
+
+# Mirrors in which a vertex has several images
+
+
+def bumpy_ball() -> Reflector:
+    mesh = mirror_ball().mesh
+    v = np.asarray(mesh.vertices)
+    r = np.linalg.norm(v, axis=1, keepdims=True)
+    bumps = 1 + 0.08 * np.sin(9 * v[:, :1] / r) * np.sin(9 * v[:, 1:2] / r) * np.sin(9 * v[:, 2:] / r)
+    return Reflector("mirror", Mesh(v * bumps, mesh.faces))
+
+
+@pytest.mark.parametrize(
+    ("mesh", "bulges"),
+    [
+        (mirror_ball().mesh, True),
+        (subdivided(mirror_ball().mesh, 0.02), True),
+        (bumpy_ball().mesh, False),
+        (replace(mirror_ball().mesh, normals=-np.asarray(mirror_ball().mesh.normals)), False),
+        (quad((0, 0, 0), (1, 0, 0), (0, 1, 0)), True),
+    ],
+)
+def test_what_is_nowhere_hollow(mesh, bulges):
+    assert scenery.of_scene(scene((coarse_walls(),), (Reflector("mirror", mesh),)), [mesh], split_px=1.0).bulges == (bulges,)
+
+
+def test_where_images_jump_splitting_comes_to_an_end(spied):
+    made = scene((coarse_walls(),), (bumpy_ball(),))
+    for pixels in (1.0, 0.25):
+        shaded(Newton(split_px=pixels), made, 0, size=SIZE)
+    coarse, fine = (len(one.faces) for one in spied)
+    assert coarse < 1500 and fine < 3000, (coarse, fine)
