@@ -202,17 +202,15 @@ def test_several_mirrors_solved_together_are_split_as_each_alone(spied):
 
 @pytest.mark.parametrize("degrees", [0.3, 1.0])
 def test_what_was_split_stays_split_while_less_than_half_of_it_is_gone(degrees, spied):
-    """A camera that goes to and fro. What still comes and goes are edges with an end that the mirror hides at times."""
+    """A camera that goes to and fro."""
     made = scene((coarse_walls(),), (mirror_ball(),), orbit(degrees), frames=3)
     shaded(Newton(split_px=0.5), made, 0, 1, 0, 1, 0, 1, size=SIZE)
     for index in (0, 1):
         shaded(Newton(split_px=0.5), made, index, size=SIZE)
     edges = [set(map(tuple, one.edges)) for one in spied]
     assert edges[2] == edges[4] and edges[3] == edges[5]
-    come_and_go, without_memory = len(edges[4] ^ edges[5]), len(edges[6] ^ edges[7])
-    assert without_memory > 0
-    assert come_and_go < 0.5 * without_memory
-    assert degrees > 0.3 or come_and_go == 0
+    assert edges[4] == edges[5]
+    assert edges[6] != edges[7]  # of cameras that were never there before
 
 
 def test_the_work_is_counted(spied):
