@@ -13,9 +13,9 @@ from benchharness.render.bake import bake
 from benchharness.scene import Scene, refined
 from benchharness.study import plugins
 from benchharness.study.methods import Entry
+from benchharness.study.tablescene import SPLIT
 
 SHARES = (10, 20, 40, 80)  # of the diagonal of a scene: longest edges
-SHORT = 1 / 25  # of the diagonal: longest edge of a scene that does not say
 MOST_VERTICES = 120_000  # that a scene is split into
 PATHS = (32, 128, 512)  # per vertex, of the light
 EDGES, LIGHT = "longest edge", "bake_spp"
@@ -65,8 +65,8 @@ def _built(name: str, kind: Callable[..., Method], params: dict[str, Any]) -> Me
 
 
 def short_edged(scene: Scene) -> Scene:
-    """The scene with edges as short as it wants them, or as SHORT of its diagonal where it does not say."""
-    return refined(scene if scene.h_max is not None else replace(scene, h_max=SHORT * _diagonal(scene)))
+    """The scene with edges as short as it wants them, or as SPLIT of its diagonal where it does not say."""
+    return refined(scene if scene.h_max is not None else replace(scene, h_max=SPLIT * _diagonal(scene)))
 
 
 def _diagonal(scene: Scene) -> float:

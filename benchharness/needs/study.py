@@ -10,9 +10,7 @@ from rich.console import Console
 
 from benchharness import platform
 from benchharness.needs import cases, measuring
-from benchharness.render.bake import bake
-from benchharness.render.normalisation import normalised
-from benchharness.render.orientation import oriented
+from benchharness.render.ready import lit
 from benchharness.render.reference import ReferenceOptions
 from benchharness.scene import Scene
 from benchharness.study import plugins
@@ -56,7 +54,7 @@ def _scene(job: Job, config: Config, say: Callable[[str], None]):
     """The rows and the knee of every knob in a scene."""
     options, label = ReferenceOptions(**config.reference), job.scene.label
     say(f"{label}: building")
-    asked = _lit(job.scene.build(), options.bake_spp, config.run.seed)
+    asked = lit(job.scene.build(), options.bake_spp, config.run.seed)
     scene, split = replace(asked, h_max=None), cases.short_edged(asked)
     bench = measuring.Bench(
         scene, measuring.Setting((config.run.size[0], config.run.size[1]), job.frames, options, config.run.seed)
@@ -75,10 +73,3 @@ def _turns(job: Job, scene: Scene, split: Scene, seed: int):
             yield cases.of_edges(name, given[name].build(), scene)
     if LIT in given:
         yield cases.of_light(LIT, given[LIT].build(), scene, seed)
-
-
-def _lit(scene: Scene, paths: int, seed: int) -> Scene:
-    """The scene as it is drawn but for its edges, which are as they were built."""
-    scene = normalised(oriented(scene)[0])
-    lit = all(part.mesh.radiance is not None for part in scene.objects)
-    return scene if lit else bake(scene, spp=paths, seed=seed)

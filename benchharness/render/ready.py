@@ -14,6 +14,11 @@ def ready(scene: Scene, bake_spp: int, seed: int = 0) -> Scene:
     Baked with `bake_spp` paths per vertex where an object lacks radiance. Lengths are in `Scene.unit` metres. What is ready
     stays as it is. Raises ValueError for mirrors that cannot be wound.
     """
+    return refined(lit(scene, bake_spp, seed))
+
+
+def lit(scene: Scene, bake_spp: int, seed: int = 0) -> Scene:
+    """The same, but for `h_max`, which is left to whoever draws it. Raises ValueError likewise."""
     scene = normalised(oriented(scene)[0])
-    lit = all(part.mesh.radiance is not None for part in scene.objects)
-    return refined(scene if lit else bake(scene, spp=bake_spp, seed=seed))
+    has_light = all(part.mesh.radiance is not None for part in scene.objects)
+    return scene if has_light else bake(scene, spp=bake_spp, seed=seed)

@@ -169,7 +169,7 @@ def _cut(images: Images, corners: _Corners, view: View, hider: Hider, made: Asse
     turn = dr.select(
         (kinds[0] == REFLECTED) & (kinds[2] == HIDDEN), 0, dr.select((kinds[1] == REFLECTED) & (kinds[0] == HIDDEN), 1, 2)
     )
-    i, k = _turned(corners.index, turn), _turned(kinds, turn)
+    i, k = turned(corners.index, turn), turned(kinds, turn)
     pair = k[1] == REFLECTED
     shine = triangles.shine
     carried = [] if triangles.attributes is None else [triangles.attributes]
@@ -197,7 +197,7 @@ def _cut(images: Images, corners: _Corners, view: View, hider: Hider, made: Asse
     lit = geometry.Geometry(lit_from, attributes, faces, vertex_count + 2 * count, 2 * count, shine)
     bands = None
     if images.unsure is not None:
-        bands = _bands(images, view, corners, made.drawn, _Cuts(mixed, pair, turn, _pixel(view, one[0]), _pixel(view, two[0])))
+        bands = _bands(images, view, corners, made.drawn, _Cuts(mixed, pair, turn, pixel(view, one[0]), pixel(view, two[0])))
     return Assembled(points, lit, drawn, made.limit, nearness, bands)
 
 
@@ -222,7 +222,7 @@ def _bands(images: Images, view: View, corners: _Corners, shown: mi.Bool, cuts: 
     """The bands of the edges between reflected corners, and of those that were cut."""
     assert images.unsure is not None
     index = corners.index
-    pixels = [_pixel(view, dr.gather(mi.Vector4f, images.at, i)) for i in index]
+    pixels = [pixel(view, dr.gather(mi.Vector4f, images.at, i)) for i in index]
     ends = [bent.reflected(view, images.at, images.unsure, i, x) for i, x in zip(index, pixels, strict=True)]
     is_reflected = [k == REFLECTED for k in corners.kinds]
     unsure = mi.Bool(False)
@@ -233,8 +233,8 @@ def _bands(images: Images, view: View, corners: _Corners, shown: mi.Bool, cuts: 
         both = is_reflected[j] & is_reflected[k]
         edges.append(bent.Edge(pixels[j], pixels[k], dr.select(both, bent.sagitta(ends[j], ends[k]), 0)))
     if cuts is not None:
-        first, second, _ = _turned(ends, cuts.turn)
-        whole = _turned(edges, cuts.turn)
+        first, second, _ = turned(ends, cuts.turn)
+        whole = turned(edges, cuts.turn)
         other = dr.select(cuts.pair, second, first)
         to_one = bent.Edge(first.x, cuts.one, bent.sagitta_to_outline(first, cuts.one))
         to_two = bent.Edge(other.x, cuts.two, bent.sagitta_to_outline(other, cuts.two))
@@ -242,7 +242,7 @@ def _bands(images: Images, view: View, corners: _Corners, shown: mi.Bool, cuts: 
     return bent.bands(view, corners.f, corners.count, edges, shown, unsure)
 
 
-def _turned(values: Any, turn: mi.UInt32 | mi.Int32) -> list:
+def turned(values: Any, turn: mi.UInt32 | mi.Int32) -> list:
     """The first three of `values`, rotated so that number `turn` comes first."""
     return [dr.select(turn == 0, values[k], dr.select(turn == 1, values[(k + 1) % 3], values[(k + 2) % 3])) for k in range(3)]
 
@@ -262,7 +262,7 @@ def _entry(
     a, b = dr.gather(mi.Vector4f, points, inner, active), dr.gather(mi.Vector4f, points, outer, active)
     low, high = mi.Float(0), mi.Float(1)
     step, met, surface_offset = mi.UInt32(0), mi.Bool(False), mi.Float(0)
-    length = dr.norm(_pixel(view, a) - _pixel(view, b))
+    length = dr.norm(pixel(view, a) - pixel(view, b))
     while dr.hint(
         active & (step < HALVINGS) & ((high - low) * length > PRECISION), label="find where an edge enters the hidden region"
     ):
@@ -286,8 +286,8 @@ def _entry(
     return [mi.Vector4f(x.x, x.y, x.z, HIDDEN), *there], surface_offset
 
 
-def _pixel(view: View, p: mi.Vector4f) -> mi.Point2f:
-    """The pixel in which a point in front of the eye is seen."""
+def pixel(view: View, p: mi.Vector4f) -> mi.Point2f:
+    """The pixel in which a point is seen; not before the near plane."""
     q = mi.Vector4f(p.x, p.y, p.z, 1)
     scale = dr.rcp(dr.maximum(dr.dot(view.w, q), view.near))
     return mi.Point2f(dr.dot(view.x, q) * scale, dr.dot(view.y, q) * scale)

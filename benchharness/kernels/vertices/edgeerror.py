@@ -16,6 +16,7 @@ from benchharness.kernels import packets
 from benchharness.kernels.placement import unit
 from benchharness.kernels.types import View
 from benchharness.kernels.vertices import bent, virtual
+from benchharness.kernels.vertices.assembly import pixel
 
 LEAST_TURN = 0.1  # radians that a mirror's normal is taken to turn by along an edge of which nothing but its ends is known
 LEAST_GAIN = 0.125  # of an edge's error, what the errors of its halves are taken to be at least
@@ -157,10 +158,3 @@ def measured(
     off = dr.select(found, dr.select(given_up, 0, off), bent.WIDER)
     normal = packets.joined(mi.Vector3f(normals), dr.select(found, error, -1), count)
     return Measured(normal, off, dr.select(found, stalls, 0))
-
-
-def pixel(view: View, p: mi.Vector4f) -> mi.Point2f:
-    """The pixel in which a point is seen; not before the near plane."""
-    q = mi.Vector4f(p.x, p.y, p.z, 1)
-    scale = dr.rcp(dr.maximum(dr.dot(view.w, q), view.near))
-    return mi.Point2f(dr.dot(view.x, q) * scale, dr.dot(view.y, q) * scale)

@@ -17,6 +17,7 @@ from benchharness.kernels.frozen import frozen
 from benchharness.kernels.lanes import NONE
 from benchharness.kernels.types import View
 from benchharness.kernels.vertices import virtual
+from benchharness.kernels.vertices.assembly import turned
 from benchharness.kernels.vertices.edgeerror import Ends, Known, Mirror, predicted
 
 JOINED_AT = 0.5  # of the error that splits an edge; one that was split in the last frame is split down to this
@@ -210,7 +211,7 @@ def split(
     one_turn = dr.select(is_split[0], 0, dr.select(is_split[1], 1, 2))
     two_turn = dr.select(~is_split[2], 0, dr.select(~is_split[0], 1, 2))
     turn = dr.select(many == 1, one_turn, dr.select(many == 2, two_turn, 0))
-    v, s = _turned([face.x, face.y, face.z], turn), _turned(sides, turn)
+    v, s = turned([face.x, face.y, face.z], turn), turned(sides, turn)
     halves, m = [], []
     for k in range(3):
         there = (many > k) & (s[k] != NONE)
@@ -262,11 +263,6 @@ def split(
 
 def _place(points: mi.Float, i: mi.UInt32, active: mi.Bool) -> mi.Point3f:
     return mi.Point3f(dr.gather(mi.Vector4f, points, i, active).xyz)
-
-
-def _turned(values: list, turn: mi.UInt32 | mi.Int32) -> list:
-    """Three values, rotated so that number `turn` comes first."""
-    return [dr.select(turn == 0, values[k], dr.select(turn == 1, values[(k + 1) % 3], values[(k + 2) % 3])) for k in range(3)]
 
 
 def finished(faces: mi.UInt32, whole: mi.Bool, listed: mi.UInt32, count: int) -> tuple[mi.UInt32, mi.UInt32]:

@@ -97,14 +97,12 @@ class Asked:
     """What is to be tessellated.
 
     problem  the vertices and triangles of a draw list
-    still    the same in object space
     edges    of the triangles
     pixels   by which images of edges may be off
     mirror   what is taken for granted of it
     """
 
     problem: Problem
-    still: geometry.Geometry
     edges: EdgeList
     pixels: float
     mirror: Mirror
@@ -120,6 +118,7 @@ class Asked:
 
 def tessellated(
     asked: Asked,
+    still: geometry.Geometry,
     first: Found,
     further: Callable[[Problem, Any], Found],
     cold: Callable[[int], Any],
@@ -127,7 +126,8 @@ def tessellated(
 ) -> Tessellated:
     """The triangles of a problem, edges split whose images are off by more than so many pixels.
 
-    first    what was found of the problem's own vertices
+    still    the problem's triangles in object space
+    first    what was found of its own vertices
     further  finds the same of others, from where it is told to start
     cold     what there is to start from where nothing is known
     before   what came out of an earlier frame
@@ -137,7 +137,7 @@ def tessellated(
     limits = asked.limits(dr.zeros(mi.Bool, 1 << splitting.BITS) if before is None else before.was)
     room = max(roomy(base + base // 4), 0 if before is None else before.room)
     known = _known(world.points, first.images, first.vertices.n, count_to(base), base)
-    made = lanes.roomy(Vertices(known, Carried.of(problem, asked.still), first.end), base, room)
+    made = lanes.roomy(Vertices(known, Carried.of(problem, still), first.end), base, room)
     counted, iterations = [first.counters], [first.vertices.iterations]
     front = splitting.Front(edges.edges, _numbered(world.faces, world.face_count), edges.sides, edges.count, world.face_count)
     whole: list[tuple[mi.UInt32, mi.Bool]] = []

@@ -193,7 +193,7 @@ def _drawn(
         problem = replace(problem, world=world)
         if len(group) > 1:
             problem = replace(problem, part=made.part, mirror=made.mirror, of_triangles=(made.face_part, made.face_mirror))
-    one, pieces = _solved(seen, problem, group, solve, choice, frame.poses, last, end, cold)
+    one, pieces = _solved(seen, problem, group, solve, choice, last, end, cold)
     boxes = np.array([frame.boxes[i] for i in group])
     box = tuple(map(int, (*boxes[:, :2].min(axis=0), *boxes[:, 2:].max(axis=0))))
     window = textures.window(frame.view, box, 1.0)
@@ -217,7 +217,6 @@ def _solved(
     group: list[int],
     solve: Callable[[Problem, Any], Solved],
     choice: drawlist.Choice | None,
-    poses: mi.Float,
     last: Kept | None,
     end: Any,
     cold: Callable[[int], Any],
@@ -227,9 +226,8 @@ def _solved(
     edges = None if choice is None else choice.made.edges
     if edges is None or choice is None or seen.stock is None:
         return solve(problem, start), None
-    still = drawlist.world_of(seen.stock.points, choice.made, seen.still, seen.triangles, carries=seen.beside is None)
     flat, single = (all(told[i] for i in group) for told in (seen.flat, seen.bulges))
-    asked = tessellation.Asked(problem, still, edges, seen.split_px, edgeerror.Mirror.of(flat=flat, single=flat or single))
+    asked = tessellation.Asked(problem, edges, seen.split_px, edgeerror.Mirror.of(flat=flat, single=flat or single))
     before = None if last is None else last.pieces
     if before is not None and last is not None and last.choice is choice:
         fine = tessellation.again(before, problem)
@@ -242,7 +240,8 @@ def _solved(
         one = solve(problem, start)
     if one.further is None:
         return one, None
-    pieces = tessellation.tessellated(asked, one.found, one.further, cold, before)
+    still = drawlist.world_of(seen.stock.points, choice.made, seen.still, seen.triangles, carries=seen.beside is None)
+    pieces = tessellation.tessellated(asked, still, one.found, one.further, cold, before)
     return one, pieces
 
 
