@@ -130,8 +130,8 @@ class ImageSpaceSearch(Method):
                    what its own "ray" meets of the triangles that it and the pixels around it name (kernels.vertices.exact)
     lod_px         levels of detail: of every part the coarsest whose error is seen no larger than this in a mirror, pixels;
                    0 for none. Only with "ray", which shows the part itself and not what stands for it
-    split_px       edges are split whose images are off a straight line by more than this, pixels; 0 for none, needed where
-                   `multi` is more than 1 (kernels.vertices.tessellation)
+    split_px       edges are split whose images are off a straight line by more than this, pixels; 0 for none. None: 1, and
+                   none where `multi` is more than 1, with which no edge can be split (kernels.vertices.tessellation)
     """
 
     score: Literal["sq", "dot"] = "sq"
@@ -148,7 +148,7 @@ class ImageSpaceSearch(Method):
     multi: Annotated[int, Field(ge=1, le=8)] = 1
     resolve: Literal["interpolate", "ray"] = "interpolate"
     lod_px: Annotated[float, Field(ge=0, le=1e3)] = 0.0
-    split_px: Annotated[float, Field(ge=0, le=1e3)] = 0.0
+    split_px: Annotated[float, Field(ge=0, le=1e3)] | None = None
 
     knobs: ClassVar[tuple[Knob, ...]] = (
         Knob("split_px", (16.0, 4.0, 2.0, 1.0, 0.5, 0.25)),
@@ -172,7 +172,12 @@ class ImageSpaceSearch(Method):
     def prepare(self, scene: Scene) -> State:
         mirrors = [_mirror(reflector, self.multi) for reflector in scene.reflectors]
         searched = [reflector.closed or reflector.mesh for reflector in scene.reflectors]
-        return State(scenery.of_scene(scene, searched, self.resolve, self.lod_px, self.split_px), [], None, mirrors)
+        return State(
+            scenery.of_scene(scene, searched, self.resolve, self.lod_px, scenery.pixels(self.split_px, self.multi)),
+            [],
+            None,
+            mirrors,
+        )
 
     def update(self, state: State, frame: Frame) -> State:
         return replace(state, scenery=scenery.posed(state.scenery, frame))

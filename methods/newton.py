@@ -81,8 +81,8 @@ class Newton(Method):
               of the triangles that it and the pixels around it name (kernels.vertices.exact)
     lod_px    levels of detail: of every part the coarsest whose error is seen no larger than this in a mirror, pixels;
               0 for none. Only with "ray", which shows the part itself and not what stands for it
-    split_px  edges are split whose images are off a straight line by more than this, pixels; 0 for none, needed where `multi`
-              is more than 1 (kernels.vertices.tessellation)
+    split_px  edges are split whose images are off a straight line by more than this, pixels; 0 for none. None: 1, and
+              none where `multi` is more than 1, with which no edge can be split (kernels.vertices.tessellation)
     """
 
     warm: bool = True
@@ -93,7 +93,7 @@ class Newton(Method):
     multi: Annotated[int, Field(ge=1, le=8)] = 1
     resolve: Literal["interpolate", "ray"] = "interpolate"
     lod_px: Annotated[float, Field(ge=0, le=1e3)] = 0.0
-    split_px: Annotated[float, Field(ge=0, le=1e3)] = 0.0
+    split_px: Annotated[float, Field(ge=0, le=1e3)] | None = None
 
     def __post_init__(self) -> None:
         scenery.check(self.resolve, self.lod_px, self.split_px, self.multi, "newton")
@@ -128,7 +128,7 @@ class Newton(Method):
         if len(together) > 1:
             groups.append(together)
         joined = [None if len(group) == 1 else _joined([searched[i] for i in group]) for group in groups]
-        seen = scenery.of_scene(scene, searched, self.resolve, self.lod_px, self.split_px, groups)
+        seen = scenery.of_scene(scene, searched, self.resolve, self.lod_px, scenery.pixels(self.split_px, self.multi), groups)
         return State(seen, [], None, mirrors, seeds, joined)
 
     def update(self, state: State, frame: Frame) -> State:

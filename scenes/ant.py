@@ -4,8 +4,8 @@ The eyes are closed, convex and small, many at once, and grow out of heads that 
 they show is mostly cans, whose labels are strips as long as the can. (`scenes.props.insects`, `scenes.props.picnic`.)
 
 Two details of the same scene. `paper` has as many vertices as the ants of Estalella et al. 2006: 14,859 as built and
-30,153 after `refined` (14,969 and 30,133 here). `lean` is what the picture needs: 10,400 and 12,500, a quarter of it eyes.
-Its 0.2 m is a knee: edges of 0.25 m raise the FLIP of `image_space_search` by a quarter to a half.
+30,153 after `refined` (14,969 and 30,133 here). `lean` is what the picture needs: 10,400, a quarter of it eyes, and drawn as
+it is built.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ class Detail:
     can    vertices around a can
     far    vertices around meadow and hills
     rings  vertices of the meadow from cloth to hills
-    h_max  longest edge that is drawn, metres
+    h_max  longest edge that is drawn, metres; None: as built
     """
 
     ants: Fineness
     can: int
     far: int
     rings: int
-    h_max: float
+    h_max: float | None
 
 
 DETAILS: dict[str, Detail] = {

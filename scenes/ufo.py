@@ -6,8 +6,7 @@ square like a bent map: the rosette it lands on, the road with its trucks, the h
 from matters as much as its direction.
 
 Two details of the same square. `paper` has as many vertices as the city of Estalella et al. 2006: 63,884 as built and
-81,977 after `refined`, within 1 %. `lean` has about 21,000 as built, 5,338 of them the hull's, and 24,000 after `refined`
-with edges of 3 m at most.
+81,977 after `refined`, within 1 %. `lean` has about 21,000, 5,338 of them the hull's, and is drawn as it is built.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ class Detail:
     wall      the same on houses
     sills     whether windows towards the square have sills and two panes
     body      the same on trucks
-    h_max     longest edge that is drawn, metres
+    h_max     longest edge that is drawn, metres; None: as built
     """
 
     near: int
@@ -48,11 +47,11 @@ class Detail:
     wall: float
     sills: bool
     body: float
-    h_max: float
+    h_max: float | None
 
 
 DETAILS: dict[str, Detail] = {
-    "lean": Detail(near=8, far=6, hull=(92, 60), tile=1.0, road=3.0, wall=5.0, sills=False, body=2.6, h_max=3.0),
+    "lean": Detail(near=8, far=6, hull=(92, 60), tile=1.0, road=3.0, wall=5.0, sills=False, body=2.6, h_max=None),
     "paper": Detail(near=28, far=18, hull=(120, 84), tile=0.34, road=1.2, wall=1.0, sills=True, body=0.3, h_max=1.2),
 }
 

@@ -74,10 +74,12 @@ def _diagonal(scene: Scene) -> float:
     return float(np.linalg.norm(np.ptp(corners, axis=0)))
 
 
-def of_edges(name: str, method: Method, scene: Scene) -> Turn:
-    """The scene as it is, and with ever shorter edges, for one method."""
-    split = _split(scene)
-    return Turn(name, EDGES, "", list(split), [(lambda one=one: one, method) for one in split.values()], {})
+def of_edges(entry: Entry, scene: Scene) -> Turn:
+    """The scene as it is, and with ever shorter edges, for one method, which splits none itself."""
+    split, kind = _split(scene), plugins.given("method", entry.method, entry.source, entry.method).target
+    alike = {"split_px": 0.0} if "split_px" in entry.params else {}
+    method = _built(entry.method, kind, {**{field: entry.params[field] for field in entry.changed}, **alike})
+    return Turn(entry.method, EDGES, _text(alike), list(split), [(lambda one=one: one, method) for one in split.values()], {})
 
 
 def _split(scene: Scene) -> dict[str, Scene]:

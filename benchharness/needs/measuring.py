@@ -29,6 +29,18 @@ class Setting:
     seed: int
 
 
+@dataclass(frozen=True, eq=False)
+class _Shown:
+    """Of several frames: error maps and the pixels they hold in, shares that were answered, vertices that were searched where
+    a method tells them; and the last frame."""
+
+    maps: list[np.ndarray]
+    masks: list[np.ndarray]
+    found: list[float]
+    searched: list[int]
+    last: runup.Step
+
+
 class Bench:
     """A scene and its references; renderers are kept as long as the scene is the same."""
 
@@ -52,15 +64,37 @@ class Bench:
         if refused is not None:
             return {"status": "refused", "reason": refused}
         try:
-            return self._measured(scene, method, more)
+            shown = self._shown(scene, method, more)
+            error, ms = error_of(shown.maps, shown.masks), _frame_ms(self.renderer(scene), method, scene, shown.last)
         except Exception as error:  # whatever a method may raise
             return {"status": "error", "reason": f"{type(error).__name__}: {error}"}
+        return {
+            "status": "ok",
+            "vertices": scene.vertices,
+            "searched": int(np.mean(shown.searched)) if shown.searched else None,
+            "flip": error.mean,
+            "flip_lo": error.low,
+            "flip_hi": error.high,
+            "coverage": float(np.nanmean(shown.found)),
+            "frame_ms": ms,
+        }
 
-    def _measured(self, scene: Scene, method: Method, more: dict) -> dict:
+    def error(self, scene: Scene, method: Method) -> Error | None:
+        """The error of cold frames; None for what a method refuses or fails in."""
+        if contract.refusal(method, scene) is not None:
+            return None
+        try:
+            shown = self._shown(scene, method, {}, warm=False)
+            return error_of(shown.maps, shown.masks)
+        except Exception:  # whatever a method may raise; `measured` says what
+            return None
+
+    def _shown(self, scene: Scene, method: Method, more: dict, *, warm: bool = True) -> _Shown:
+        """`warm`: whether frames have a run-up, and so something to start from."""
         renderer, maps, masks, found, searched = self.renderer(scene), [], [], [], []
         state = method.prepare(scene)
         for index in self.setting.frames:
-            frames = [renderer.render(i) for i in runup.numbers(index, scene.frames)]
+            frames = [renderer.render(i) for i in (runup.numbers(index, scene.frames) if warm else [index])]
             *_, last = runup.carried(scene, method, state, frames)
             truth, answer = self.truth(index, more), host.answer(last.frame, last.reflection)
             image = host.image(renderer.compose(last.frame, last.reflection.L), last.frame)
@@ -70,17 +104,7 @@ class Bench:
             found.append(answer.found[mask].mean() if mask.any() else np.nan)
             if (steps := last.reflection.counters.get("iterations")) is not None:
                 searched.append(np.count_nonzero(np.array(steps)))
-        error, ms = error_of(maps, masks), _frame_ms(renderer, method, scene, last)
-        return {
-            "status": "ok",
-            "vertices": scene.vertices,
-            "searched": int(np.mean(searched)) if searched else None,
-            "flip": error.mean,
-            "flip_lo": error.low,
-            "flip_hi": error.high,
-            "coverage": float(np.nanmean(found)),
-            "frame_ms": ms,
-        }
+        return _Shown(maps, masks, found, searched, last)
 
 
 def _frame_ms(renderer: FrameRenderer, method: Method, scene: Scene, last: runup.Step) -> float:

@@ -2,28 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
 
 from benchharness import platform
-from benchharness.needs import cases, measuring
+from benchharness.needs import cases, measuring, objects
 from benchharness.render.ready import lit
 from benchharness.render.reference import ReferenceOptions
 from benchharness.scene import Scene
-from benchharness.study import plugins
+from benchharness.study import params, plugins
 from benchharness.study.config import Config, Job
+from benchharness.study.methods import Entry
 from benchharness.tables import files, origin
-from benchharness.tables.needs import KNEE_KINDS, KNEES, NEEDS, NEEDS_SAMPLES, SAMPLE_KINDS, SAMPLES
+from benchharness.tables.needs import (
+    KNEE_KINDS,
+    KNEES,
+    NEEDS,
+    NEEDS_OBJECTS,
+    NEEDS_SAMPLES,
+    OBJECT_KINDS,
+    OBJECTS,
+    SAMPLE_KINDS,
+    SAMPLES,
+)
 
 EDGED = ("newton", "ray_traced", "environment_map")  # methods for which the scene's own edges are a knob, where they are there
 LIT = "ray_traced"  # the method that shows what the light's noise is
 
 
 def run(config: Config, wanted: Sequence[str], out: Path, console: Console) -> None:
-    """Measures, and writes the tables after every knob. `wanted`: scenes, all if empty.
+    """Measures, and writes the tables after every knob and every object. `wanted`: scenes, all if empty.
 
     Raises ValueError for a scene that the config has not, and for a folder in use.
     """
@@ -39,19 +50,23 @@ def run(config: Config, wanted: Sequence[str], out: Path, console: Console) -> N
     dr.set_log_level(dr.LogLevel.Error)  # kernels are recorded for every model, more often than Dr.Jit finds natural
     out.mkdir(parents=True, exist_ok=True)
     origin.write_environment(out, {**origin.environment(config.run.variant), "config": config.name})
-    rows: list[dict] = []
-    knees: list[dict] = []
+    tables: dict[str, list[dict]] = {NEEDS_SAMPLES: [], NEEDS: [], NEEDS_OBJECTS: []}
+    columns = {
+        NEEDS_SAMPLES: (SAMPLES, SAMPLE_KINDS),
+        NEEDS: (KNEES, KNEE_KINDS),
+        NEEDS_OBJECTS: (OBJECTS, OBJECT_KINDS),
+    }
+    for table in tables:
+        files.write(out / table, [], *columns[table])
     with platform.alone(console.print), console.status("") as status:
         for name in wanted or jobs:
-            for turn_rows, knee in _scene(jobs[name], config, status.update):
-                rows += turn_rows
-                knees += [] if knee is None else [knee]
-                files.write(out / NEEDS_SAMPLES, rows, SAMPLES, SAMPLE_KINDS)
-                files.write(out / NEEDS, knees, KNEES, KNEE_KINDS)
+            for table, rows in _scene(jobs[name], config, status.update):
+                tables[table] += rows
+                files.write(out / table, tables[table], *columns[table])
 
 
-def _scene(job: Job, config: Config, say: Callable[[str], None]):
-    """The rows and the knee of every knob in a scene."""
+def _scene(job: Job, config: Config, say: Callable[[str], None]) -> Iterator[tuple[str, list[dict]]]:
+    """New rows of tables: of every knob in a scene, then of every object."""
     options, label = ReferenceOptions(**config.reference), job.scene.label
     say(f"{label}: building")
     asked = lit(job.scene.build(), options.bake_spp, config.run.seed)
@@ -60,7 +75,18 @@ def _scene(job: Job, config: Config, say: Callable[[str], None]):
         scene, measuring.Setting((config.run.size[0], config.run.size[1]), job.frames, options, config.run.seed)
     )
     for turn in _turns(job, scene, split, config.run.seed):
-        yield measuring.turned(bench, label, turn, say)
+        samples, knee = measuring.turned(bench, label, turn, say)
+        yield NEEDS_SAMPLES, samples
+        if knee is not None:
+            yield NEEDS, [knee]
+    methods = {_named(entry): entry.build() for entry in job.entries}
+    for row in objects.studied(bench, label, methods, say):
+        yield NEEDS_OBJECTS, [row]
+
+
+def _named(entry: Entry) -> str:
+    """Method and what is set of it."""
+    return f"{entry.method} {params.canonical({name: entry.params[name] for name in entry.changed})}".strip()
 
 
 def _turns(job: Job, scene: Scene, split: Scene, seed: int):
@@ -70,6 +96,6 @@ def _turns(job: Job, scene: Scene, split: Scene, seed: int):
         yield from cases.of_method(entry, scene, split)
     for name in EDGED:
         if name in given:
-            yield cases.of_edges(name, given[name].build(), scene)
+            yield cases.of_edges(given[name], scene)
     if LIT in given:
         yield cases.of_light(LIT, given[LIT].build(), scene, seed)

@@ -15,8 +15,25 @@ from benchharness.report.points import looks
 from benchharness.tables import files
 from benchharness.tables.files import write_atomic
 from benchharness.tables.naming import safe_name
-from benchharness.tables.needs import KNEE_KINDS, KNEES, NEEDS, NEEDS_SAMPLES, PAGE, SAMPLE_KINDS, SAMPLES
+from benchharness.tables.needs import (
+    KNEE_KINDS,
+    KNEES,
+    NEEDS,
+    NEEDS_OBJECTS,
+    NEEDS_SAMPLES,
+    OBJECT_KINDS,
+    OBJECTS,
+    PAGE,
+    SAMPLE_KINDS,
+    SAMPLES,
+)
 
+VERDICTS = {
+    "judges": "judge methods: without one of them an error leaves its interval or methods change places",
+    "seen": "are just seen: no method is judged otherwise without one of them",
+    "nothing": "are needed for nothing that mirrors show",
+    "alone": "is all there is",
+}
 WORTH = 0.1  # of the error: what more model has to take off to be named a gain
 
 
@@ -37,7 +54,18 @@ def write(folder: Path) -> Path:
             charts[named(*knob)] = inline(figure)
     scenes = {name: [row for row in knees if row["scene"] == name] for name in dict.fromkeys(row["scene"] for row in knees)}
     unmeasured = [row for row in samples if row["status"] != "ok"]
-    text = rendered("needs.html.jinja", scenes=scenes, charts=charts, sentence=sentence, unmeasured=unmeasured, named=named)
+    objects = files.read(folder / NEEDS_OBJECTS, OBJECT_KINDS, required=OBJECTS, least=-math.inf)
+    things = {name: [row for row in objects if row["scene"] == name] for name in scenes}
+    text = rendered(
+        "needs.html.jinja",
+        scenes=scenes,
+        charts=charts,
+        sentence=sentence,
+        things=things,
+        of_objects=of_objects,
+        unmeasured=unmeasured,
+        named=named,
+    )
     write_atomic(folder / PAGE, text)
     return folder / PAGE
 
@@ -60,6 +88,16 @@ def sentence(row: dict) -> str:
     if row["knee"] == row["least"]:
         return f"{knee}, the smallest that was tried; {more}."
     return f"{knee}; {more}; {row['least']} would leave {row['least_flip']:.4f}."
+
+
+def of_objects(rows: Sequence[dict]) -> list[str]:
+    """What the objects of a scene are needed for, and how many vertices would do."""
+    told = []
+    for verdict, meaning in VERDICTS.items():
+        if names := [row["object"] for row in rows if row["verdict"] == verdict]:
+            told.append(f"{len(names)} of {len(rows)} {meaning}: {', '.join(names)}.")
+    total, enough = (sum(row[name] for row in rows) for name in ("vertices", "enough_vertices"))
+    return [*told, f"Of {total:,} vertices of objects {enough:,} are enough, each object by itself."]
 
 
 def chart(samples: Sequence[dict], knees: Sequence[dict]) -> Figure:

@@ -18,7 +18,7 @@ MAY = {
     "measure": "api scene regime modelling render kernels study tables",
     "execution": "exits api scene modelling render study measure tables platform cache processes",
     "stability": "exits api scene regime modelling kernels render study measure execution tables platform cache processes",
-    "needs": "api scene render study measure tables platform",
+    "needs": "api scene kernels render study measure tables platform",
     "speed": "api scene modelling kernels render study measure tables platform",
     "report": "tables",
     "__main__": "cli",

@@ -20,7 +20,7 @@ from benchharness.kernels.vertices.assembly import pixel
 
 LEAST_TURN = 0.1  # radians that a mirror's normal is taken to turn by along an edge of which nothing but its ends is known
 LEAST_GAIN = 0.125  # of an edge's error, what the errors of its halves are taken to be at least
-OFF = (0.25, 4.0)  # what a prediction is taken to be wrong by, at least and at most
+OFF = (1.0, 4.0)  # what a prediction is taken to be wrong by, at least and at most; once alone it may be small by symmetry
 STALLED = 0.5  # of the error of an edge, that of its halves; where the mirror's normals jump, it stays, whatever is split
 PATIENCE = 3  # times in a row that it may, of edges whose images are longer than
 SHORT = 16.0  # pixels
@@ -146,7 +146,7 @@ def measured(
     length = dr.norm(pixel(view, ends[0]) - pixel(view, ends[1]))
     n = [dr.gather(mi.Vector4f, known.normal, i).xyz for i in index]
     sagitta = 0.25 * length * dr.asin(dr.minimum(0.5 * dr.norm(n[0] - n[1]), 1))
-    off = dr.clip(error * dr.rcp(dr.maximum(sagitta, 1e-6)), *OFF)
+    off = dr.clip(error * dr.rcp(dr.maximum(sagitta, 1e-6)), dr.select(parents.w > 1, OFF[0], bent.WIDER), OFF[1])
     last, stalls = mi.Float(-1), mi.Float(0)  # the error of the edge that this one is a part of, and its stalls
     for i in index:
         of_last = (parents.w > 1) & (dr.gather(mi.UInt32, known.born, 4 * i + 3) + 1 == parents.w)

@@ -101,19 +101,28 @@ def _simplified(mesh: Level, count: int, haste: float, *, border: bool) -> Level
         return None
     used, faces = np.unique(np.asarray(faces, np.int64), return_inverse=True)
     points, faces = scale * np.asarray(points, np.float64)[used], faces.reshape(-1, 3)
-    error = float(_nearest(points, faces, mesh.vertices)[1].max())
+    error = float(_nearest(points, faces, mesh.vertices)[2].max())
     at = _nearest(mesh.vertices, mesh.faces, points[faces].mean(axis=1))[0]
     return Level(points, faces, mesh.names[at], error)
 
 
-def _nearest(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The triangle nearest to each point [N, 3], of the NEAREST whose middles are, and how far away it is."""
+def nearest(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The triangle of a mesh nearest to each point [N, 3], and the weights [N, 3] of its corners at the place nearest to it."""
+    face, place, _ = _nearest(vertices, faces, points)
+    weights = np.clip(np.nan_to_num(trimesh.triangles.points_to_barycentric(vertices[faces[face]], place)), 0, None)
+    weights[weights.sum(axis=1) == 0] = 1.0  # a triangle without area
+    return face, weights / weights.sum(axis=1, keepdims=True)
+
+
+def _nearest(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The triangle nearest to each point [N, 3], of the NEAREST whose middles are; where on it, and how far away that is."""
     corners, count = vertices[faces], min(NEAREST, len(faces))
     near = KDTree(corners.mean(axis=1)).query(points, count, workers=-1)[1].reshape(len(points), count)
-    best, distance = np.zeros(len(points), np.int64), np.full(len(points), np.inf)
+    best, place, distance = np.zeros(len(points), np.int64), np.zeros((len(points), 3)), np.full(len(points), np.inf)
     for k in range(count):
         there = trimesh.triangles.closest_point(corners[near[:, k]], points)
         apart = np.linalg.norm(there - points, axis=1)
-        best = np.where(apart < distance, near[:, k], best)
-        distance = np.minimum(distance, apart)
-    return best, distance
+        nearer = apart < distance
+        best, distance = np.where(nearer, near[:, k], best), np.where(nearer, apart, distance)
+        place = np.where(nearer[:, None], there, place)
+    return best, place, distance

@@ -55,10 +55,22 @@ class Scenery:
         return self.objects if others == "omitted" else 0x7FFF_FFFF
 
 
-def check(resolve: str, lod_px: float, split_px: float, multi: int, name: str) -> None:
+SPLIT_PX = 1.0
+"""What edges are split by where nothing else is said: by a pixel, images of straight lines are hardly told from true ones."""
+
+
+def pixels(split_px: float | None, multi: int) -> float:
+    """By how many pixels images of edges may be off: what was said, else SPLIT_PX for one reflection per vertex, for several 0,
+    which splits none."""
+    if split_px is not None:
+        return split_px
+    return SPLIT_PX if multi == 1 else 0.0
+
+
+def check(resolve: str, lod_px: float, split_px: float | None, multi: int, name: str) -> None:
     """Raises ValueError for levels of detail where nothing shows the parts themselves, and for edges that are to be split where
     a vertex may have several images."""
-    if split_px > 0 and multi > 1:
+    if split_px and multi > 1:
         raise ValueError(f"{name}: split_px {split_px:g} with multi {multi}; accepted: 0, or multi 1")
     if lod_px > 0 and resolve != "ray":
         raise ValueError(f'{name}: lod_px {lod_px:g} with resolve "{resolve}"; accepted: 0, or "ray"')

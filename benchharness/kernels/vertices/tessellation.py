@@ -29,6 +29,7 @@ from benchharness.kernels.vertices.splitting import count_to
 ROUNDS = 6  # at most: an edge becomes 64
 LATE = 1.5  # times the error that splits an edge: what was not split is given up when some images bend by more,
 MOST_LATE = 0.01  # this share of the triangles that are shown;
+CUT = 0.1  # and where it is this share, the camera jumped, and nothing of it is worth remembering
 IDLE = 0.25  # of that error: what was split is given up when many middles serve for less,
 MOST_IDLE = 0.2  # this share of them
 
@@ -198,8 +199,9 @@ def again(before: Tessellated, problem: Problem) -> Problem:
     return replace(problem, world=world, part=part, mirror=carried.mirror)
 
 
-def kept(before: Tessellated, asked: Asked, fine: Problem, found: Found) -> Tessellated | None:
-    """An earlier frame's triangles with what was found of their vertices, the problem `again`; None if they are given up."""
+def kept(before: Tessellated, asked: Asked, fine: Problem, found: Found) -> tuple[Tessellated | None, Tessellated | None]:
+    """An earlier frame's triangles with what was found of their vertices, the problem `again`; None if they are given up. And
+    what is to be remembered of them: nothing after a cut."""
     old, lane = before.made.known, count_to(before.room)
     known = replace(old, world=fine.world.points, images=found.images)
     normals = _normals(found.vertices.n, before.room)
@@ -210,8 +212,8 @@ def kept(before: Tessellated, asked: Asked, fine: Problem, found: Found) -> Tess
     answer = replace(before, made=made, world=fine.world, iterations=found.vertices.iterations, counters=found.counters)
     late, shown, idle, new = _state(answer, asked)
     if late > before.late + MOST_LATE * shown or idle > before.idle + MOST_IDLE * new:
-        return None
-    return answer
+        return None, None if late > CUT * shown else before
+    return answer, before
 
 
 def of_list(found: Found, before: Tessellated) -> Found:

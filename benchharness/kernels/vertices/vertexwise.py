@@ -232,10 +232,10 @@ def _solved(
     if before is not None and last is not None and last.choice is choice:
         fine = tessellation.again(before, problem)
         one = solve(fine, before.made.ends)
-        pieces = tessellation.kept(before, asked, fine, one.found)
+        pieces, remembered = tessellation.kept(before, asked, fine, one.found)
         if pieces is not None:
             return one, pieces
-        one.found = tessellation.of_list(one.found, before)
+        one.found, before = tessellation.of_list(one.found, before), remembered
     else:
         one = solve(problem, start)
     if one.further is None:

@@ -127,7 +127,7 @@ def test_what_stands_in_the_open_ends_where_its_rays_say(name):
     """A card of two triangles before the sky: its straight image reaches where the sky is seen, and not where the card is."""
     card = Object("card", card_mesh((0.9, 0.1, 0.1)), "a silhouette")
     made = in_the_open((card,))
-    straight, answer = (shaded(METHODS[name](resolve=way), made, 0)[0] for way in ("interpolate", "ray"))
+    straight, answer = (shaded(METHODS[name](resolve=way, split_px=0), made, 0)[0] for way in ("interpolate", "ray"))
     which, _, L, clear = truth(made, answer)
     red = which >= 0
     assert 300 < red.sum() < 0.5 * len(red)
@@ -146,7 +146,7 @@ def card_mesh(colour) -> Mesh:
 def test_a_pixel_whose_ray_meets_nothing_that_is_named_is_counted_and_doubted():
     """The same card: where the straight image covers the sky."""
     made = in_the_open((Object("card", card_mesh((1, 1, 1)), "a silhouette"),))
-    straight, answer = (shaded(Newton(resolve=way), made, 0)[0] for way in ("interpolate", "ray"))
+    straight, answer = (shaded(Newton(resolve=way, split_px=0), made, 0)[0] for way in ("interpolate", "ray"))
     covered, met = (np.isfinite(a.distance) & a.active for a in (straight, answer))
     lost = covered & ~met
     assert lost.sum() > 20
@@ -177,7 +177,7 @@ def test_a_part_of_a_piece_that_hides_another_part_of_it_is_seen():
     colours = np.repeat([[0.9, 0.1, 0.1], [0.1, 0.1, 0.9]], 2, axis=0)
     strip = Object("strip", Mesh(corners, faces, radiance=np.concatenate([colours, colours])), "hides itself")
     made = in_the_open((strip,))
-    straight, answer = (shaded(Newton(resolve=way), made, 0)[0] for way in ("interpolate", "ray"))
+    straight, answer = (shaded(Newton(resolve=way, split_px=0), made, 0)[0] for way in ("interpolate", "ray"))
     which, _, L, clear = truth(made, answer)
     assert (which >= 4).sum() > 60 and np.isin(which, (0, 1)).sum() > 100
     wrong, before = ((np.abs(a.L[a.active] - L).max(axis=1) > 1e-2) & clear for a in (answer, straight))

@@ -285,6 +285,7 @@ def test_a_cut_of_the_camera_makes_them_anew(spied, monkeypatch):
     assert len(built) == 2
     [fresh] = shaded(Newton(split_px=0.5), made, 1, size=SIZE)
     assert np.abs(turned.L - fresh.L)[turned.active & turned.found & fresh.found].mean() < 1e-3
+    assert set(map(tuple, spied[-2].edges)) == set(map(tuple, spied[-1].edges))  # nothing is remembered
     assert not np.array_equal(first.L, turned.L)
 
 
@@ -319,3 +320,47 @@ def test_where_images_jump_splitting_comes_to_an_end(spied):
         shaded(Newton(split_px=pixels), made, 0, size=SIZE)
     coarse, fine = (len(one.faces) for one in spied)
     assert coarse < 1500 and fine < 3000, (coarse, fine)
+
+
+def worst(made, pieces: Pieces) -> tuple[int, float]:
+    """How many edges there are along the lower side of a ribbon that lies along x, and by how many pixels the image of the
+    worst one's middle is off the middle of its ends' images; float64."""
+    ends = np.stack([pieces.faces, np.roll(pieces.faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    a, b = np.moveaxis(pieces.vertices[np.unique(np.sort(ends, axis=1), axis=0)], 1, 0)
+    along = (np.abs(a - b)[:, 1:] < 1e-6).all(axis=1) & (a[:, 2] < pieces.vertices[pieces.faces][..., 2].min() + 0.01)
+    off = []
+    for p, q in zip(a[along], b[along], strict=True):
+        chord = on_screen(made, 0.5 * (virtual(made, p) + virtual(made, q)))
+        off.append(np.linalg.norm(chord - on_screen(made, virtual(made, 0.5 * (p + q)))))
+    return len(off), max(off)
+
+
+def ribbon(place: tuple[float, float], edge: float):
+    """A scene with a ribbon three times as long as the room is wide, and of such edges."""
+    mesh = subdivided(quad((-3, *place), (6, 0, 0), (0, 0, 0.02)), edge)
+    return scene((Object("bar", replace(mesh, radiance=smooth(mesh.vertices)), "bends"),), (mirror_ball(),))
+
+
+BARS = [(-0.9, 0.4), (-0.6, 0.5), (-1.3, 0.1)]
+
+
+@pytest.mark.parametrize("place", BARS)
+def test_the_error_of_a_long_bar_falls_with_the_square_of_its_pieces(place, spied):
+    """F-14."""
+    told = []
+    for count in (8, 16, 32, 64):
+        made = ribbon(place, 6.001 / count)
+        shaded(Newton(split_px=1e3), made, 0, size=SIZE)
+        told.append(worst(made, spied[-1]))
+    n, off = np.log(told).T
+    assert 1.7 < -np.polyfit(n, off, 1)[0] < 2.3, told
+
+
+@pytest.mark.parametrize("place", BARS)
+@pytest.mark.parametrize("pixels", [8.0, 4.0, 2.0, 1.0, 0.5, 0.25])
+def test_a_long_bar_is_off_by_hardly_more_than_was_asked_for(pixels, place, spied):
+    """F-14: seen from the side, so that the middle of the whole is hardly off at all and its halves are by pixels."""
+    made = ribbon(place, 10.0)
+    shaded(Newton(split_px=pixels), made, 0, size=SIZE)
+    count, off = worst(made, spied[-1])
+    assert off < 1.6 * pixels, (count, off)
