@@ -130,8 +130,9 @@ class ImageSpaceSearch(Method):
                    what its own "ray" meets of the triangles that it and the pixels around it name (kernels.vertices.exact)
     lod_px         levels of detail: of every part the coarsest whose error is seen no larger than this in a mirror, pixels;
                    0 for none. Only with "ray", which shows the part itself and not what stands for it
-    split_px       edges are split whose images are off a straight line by more than this, pixels; 0 for none. None: 1, and
-                   none where `multi` is more than 1, with which no edge can be split (kernels.vertices.tessellation)
+    split_px       edges are split whose images are off a straight line by more than this, pixels (kernels.vertices.tessellation);
+                   0 for none. None: 0.5, and none where `multi` is more than 1, with which no edge can be split, and with `placement = "mirror"`,
+                   whose images are off by more than that
     """
 
     score: Literal["sq", "dot"] = "sq"
@@ -172,12 +173,8 @@ class ImageSpaceSearch(Method):
     def prepare(self, scene: Scene) -> State:
         mirrors = [_mirror(reflector, self.multi) for reflector in scene.reflectors]
         searched = [reflector.closed or reflector.mesh for reflector in scene.reflectors]
-        return State(
-            scenery.of_scene(scene, searched, self.resolve, self.lod_px, scenery.pixels(self.split_px, self.multi)),
-            [],
-            None,
-            mirrors,
-        )
+        pixels = scenery.pixels(self.split_px, told=self.multi == 1 and self.placement == "on_ray")
+        return State(scenery.of_scene(scene, searched, self.resolve, self.lod_px, pixels), [], None, mirrors)
 
     def update(self, state: State, frame: Frame) -> State:
         return replace(state, scenery=scenery.posed(state.scenery, frame))

@@ -81,8 +81,8 @@ class Newton(Method):
               of the triangles that it and the pixels around it name (kernels.vertices.exact)
     lod_px    levels of detail: of every part the coarsest whose error is seen no larger than this in a mirror, pixels;
               0 for none. Only with "ray", which shows the part itself and not what stands for it
-    split_px  edges are split whose images are off a straight line by more than this, pixels; 0 for none. None: 1, and
-              none where `multi` is more than 1, with which no edge can be split (kernels.vertices.tessellation)
+    split_px  edges are split whose images are off a straight line by more than this, pixels (kernels.vertices.tessellation);
+              0 for none. None: 0.5, and none where `multi` is more than 1, with which no edge can be split
     """
 
     warm: bool = True
@@ -128,7 +128,9 @@ class Newton(Method):
         if len(together) > 1:
             groups.append(together)
         joined = [None if len(group) == 1 else _joined([searched[i] for i in group]) for group in groups]
-        seen = scenery.of_scene(scene, searched, self.resolve, self.lod_px, scenery.pixels(self.split_px, self.multi), groups)
+        seen = scenery.of_scene(
+            scene, searched, self.resolve, self.lod_px, scenery.pixels(self.split_px, told=self.multi == 1), groups
+        )
         return State(seen, [], None, mirrors, seeds, joined)
 
     def update(self, state: State, frame: Frame) -> State:

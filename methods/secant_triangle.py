@@ -157,8 +157,8 @@ class SecantTriangle(Method):
                     what its own "ray" meets of the triangles that it and the pixels around it name (kernels.vertices.exact)
     lod_px          levels of detail: of every part the coarsest whose error is seen no larger than this in a mirror, pixels;
                     0 for none. Only with "ray", which shows the part itself and not what stands for it
-    split_px        edges are split whose images are off a straight line by more than this, pixels; 0 for none. None: 1, and
-                    none where `multi` is more than 1, with which no edge can be split (kernels.vertices.tessellation)
+    split_px        edges are split whose images are off a straight line by more than this, pixels (kernels.vertices.tessellation);
+                    0 for none. None: 0.5, and none where `multi` is more than 1, with which no edge can be split
     """
 
     resolution: Annotated[int, Field(ge=8, le=2048)] = 256
@@ -223,7 +223,7 @@ class SecantTriangle(Method):
             mirrors.append(Mirror(star, walked, sheet, seeds))
         corners = np.concatenate([np.asarray(part.mesh.transformed(part.pose(0.0)).vertices) for part in scene.parts])
         d_max = dr.opaque(mi.Float, FARTHEST * float(np.linalg.norm(np.ptp(corners, axis=0))))
-        seen = scenery.of_scene(scene, searched, self.resolve, self.lod_px, scenery.pixels(self.split_px, self.multi))
+        seen = scenery.of_scene(scene, searched, self.resolve, self.lod_px, scenery.pixels(self.split_px, told=self.multi == 1))
         return State(seen, [], None, mirrors, d_max)
 
     def update(self, state: State, frame: Frame) -> State:

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from benchharness import cli
 from benchharness.report import needs as page
 from benchharness.tables import files
-from benchharness.tables.needs import KNEE_KINDS, NEEDS, NEEDS_SAMPLES, SAMPLE_KINDS
+from benchharness.tables.needs import KNEE_KINDS, NEEDS, NEEDS_OBJECTS, NEEDS_SAMPLES, OBJECT_KINDS, SAMPLE_KINDS
 
 SCENE = """
 import numpy as np
@@ -114,6 +114,39 @@ def test_vertex_methods_search_more_the_smaller_the_error_asked_for_and_split_ed
     edges = [row for row in samples if row["knob"] == "longest edge"]
     assert edges[0]["value"] == "as built" and [r["vertices"] for r in edges] == sorted(r["vertices"] for r in edges)
     assert split[-1]["searched"] < edges[1]["searched"] and split[-1]["flip"] < 0.05 * edges[0]["flip"]
+
+
+OBJECTS = """
+    box = lambda half, at, colour: Mesh(half * V + np.array(at), F, radiance=np.array(colour, float))
+    things = (Object("walls", walls, "light all around"), Object("screen", box(0.7, (-0.4, -2.2, 1.6), (3, 0, 0)), "red"),
+              Object("core", box(0.2, (0, 0, 0), (0, 3, 0)), "within the mirror"))
+    return Scene("room", things, (Reflector("ball", Mesh(0.8 * v, faces, v)),), lambda time: camera, 2)
+"""
+
+
+def test_objects_that_mirrors_show_judge_and_those_that_none_shows_are_needed_for_nothing(folder):
+    (folder / "room.py").write_text(SCENE[: SCENE.index("    return Scene")] + OBJECTS)
+    knob(folder)
+    (folder / "study.toml").write_text(CONFIG + "\n[methods.newton]\n")
+    result = asked("--only", "grey", "--only", "newton")
+    assert result.exit_code == 0, result.output
+    rows = files.read(folder / "out" / NEEDS_OBJECTS, OBJECT_KINDS, required=["verdict"])
+    told = {row["object"]: row for row in rows}
+    assert list(told) == ["walls", "screen", "core"]
+    assert told["walls"]["verdict"] == "judges" and told["walls"]["change"] > 1
+    assert told["screen"]["verdict"] in ("judges", "seen") and told["screen"]["lost"] > 0.01
+    assert (told["core"]["verdict"], told["core"]["lost"], told["core"]["enough_vertices"]) == ("nothing", 0.0, 0)
+    assert told["walls"]["judge"] == "newton" and told["walls"]["enough"] == "1"  # of twelve triangles there are no fewer
+    page_text = (folder / "out" / "needs.html").read_text()
+    assert "1 of 3 are needed for nothing that mirrors show: core." in page_text
+    assert "Of 24 vertices of objects 16 are enough" in page_text
+
+
+def test_one_object_has_nothing_to_be_left_out_of(folder):
+    knob(folder)
+    assert asked().exit_code == 0
+    [row] = files.read(folder / "out" / NEEDS_OBJECTS, OBJECT_KINDS, required=["verdict"])
+    assert row["verdict"] == "alone" and row["change"] is None
 
 
 def test_what_a_method_refuses_is_told_and_left_out_of_the_knee(folder):

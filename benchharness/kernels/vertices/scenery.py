@@ -55,16 +55,16 @@ class Scenery:
         return self.objects if others == "omitted" else 0x7FFF_FFFF
 
 
-SPLIT_PX = 1.0
-"""What edges are split by where nothing else is said: by a pixel, images of straight lines are hardly told from true ones."""
+SPLIT_PX = 0.5
+"""What edges are split by where nothing else is said: what is off by less is still in its pixel."""
 
 
-def pixels(split_px: float | None, multi: int) -> float:
-    """By how many pixels images of edges may be off: what was said, else SPLIT_PX for one reflection per vertex, for several 0,
-    which splits none."""
+def pixels(split_px: float | None, *, told: bool) -> float:
+    """By how many pixels images of edges may be off: what was said, else SPLIT_PX, and 0, which splits none, where images do
+    not tell it: `told`."""
     if split_px is not None:
         return split_px
-    return SPLIT_PX if multi == 1 else 0.0
+    return SPLIT_PX if told else 0.0
 
 
 def check(resolve: str, lod_px: float, split_px: float | None, multi: int, name: str) -> None:
