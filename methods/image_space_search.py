@@ -130,9 +130,9 @@ class ImageSpaceSearch(Method):
                    what its own "ray" meets of the triangles that it and the pixels around it name (kernels.vertices.exact)
     lod_px         levels of detail: of every part the coarsest whose error is seen no larger than this in a mirror, pixels;
                    0 for none. Only with "ray", which shows the part itself and not what stands for it
-    split_px       edges are split whose images are off a straight line by more than this, pixels (kernels.vertices.tessellation);
-                   0 for none. None: 0.5, and none where `multi` is more than 1, with which no edge can be split, and with `placement = "mirror"`,
-                   whose images are off by more than that
+    split_px       edges are split whose images are off a straight line by more than this, pixels; 0 for none. None: 0.5, and
+                   none where `multi` is more than 1, with which no edge can be split, and with `placement = "mirror"`,
+                   whose images are off by more than that (kernels.vertices.tessellation)
     """
 
     score: Literal["sq", "dot"] = "sq"
