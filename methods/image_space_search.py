@@ -60,6 +60,7 @@ from benchharness.scene import Reflector, Scene
 COLD = 0xFFFF_FFFF
 NEAR = 0.03  # |half vector - normal| of an end that is drawn; what a texel turns the normal by on a mirror 70 texels wide
 PYRAMID_STRIDE = 32  # texels; first stride of a cold search
+SPLIT_PX = 1.0  # where nothing is said; images in small mirrors are off by half of it, now so and now so, and bend by chance
 
 
 @dataclass
@@ -130,7 +131,7 @@ class ImageSpaceSearch(Method):
                    what its own "ray" meets of the triangles that it and the pixels around it name (kernels.vertices.exact)
     lod_px         levels of detail: of every part the coarsest whose error is seen no larger than this in a mirror, pixels;
                    0 for none. Only with "ray", which shows the part itself and not what stands for it
-    split_px       edges are split whose images are off a straight line by more than this, pixels; 0 for none. None: 0.5, and
+    split_px       edges are split whose images are off a straight line by more than this, pixels; 0 for none. None: 1, and
                    none where `multi` is more than 1, with which no edge can be split, and with `placement = "mirror"`,
                    whose images are off by more than that (kernels.vertices.tessellation)
     """
@@ -173,7 +174,7 @@ class ImageSpaceSearch(Method):
     def prepare(self, scene: Scene) -> State:
         mirrors = [_mirror(reflector, self.multi) for reflector in scene.reflectors]
         searched = [reflector.closed or reflector.mesh for reflector in scene.reflectors]
-        pixels = scenery.pixels(self.split_px, told=self.multi == 1 and self.placement == "on_ray")
+        pixels = scenery.pixels(self.split_px, told=self.multi == 1 and self.placement == "on_ray", unsaid=SPLIT_PX)
         return State(scenery.of_scene(scene, searched, self.resolve, self.lod_px, pixels), [], None, mirrors)
 
     def update(self, state: State, frame: Frame) -> State:

@@ -59,12 +59,12 @@ SPLIT_PX = 0.5
 """What edges are split by where nothing else is said: what is off by less is still in its pixel."""
 
 
-def pixels(split_px: float | None, *, told: bool) -> float:
-    """By how many pixels images of edges may be off: what was said, else SPLIT_PX, and 0, which splits none, where images do
+def pixels(split_px: float | None, *, told: bool, unsaid: float = SPLIT_PX) -> float:
+    """By how many pixels images of edges may be off: what was said, else `unsaid`, and 0, which splits none, where images do
     not tell it: `told`."""
     if split_px is not None:
         return split_px
-    return SPLIT_PX if told else 0.0
+    return unsaid if told else 0.0
 
 
 def check(resolve: str, lod_px: float, split_px: float | None, multi: int, name: str) -> None:
