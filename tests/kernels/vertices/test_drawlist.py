@@ -224,8 +224,9 @@ def mirrors() -> tuple[Reflector, ...]:
 
 @pytest.mark.parametrize("resolve", ["interpolate", "ray"])
 def test_joined_mirrors_show_what_each_shows_alone(resolve):
-    """The others are black things then, as mirrors are in other mirrors."""
-    method, all_ = Newton(resolve=resolve), mirrors()[::2]
+    """The others are black things then, as mirrors are in other mirrors. Nothing is split: what was split is kept and given up
+    for all mirrors together."""
+    method, all_ = Newton(resolve=resolve, split_px=0), mirrors()[::2]
     together = shaded(method, scene((walls(), *balls()), all_), 0, 1)[-1]
     shown = np.array(together.frame.reflector).reshape(together.active.shape)
     assert together.state.joined[0] is not None

@@ -97,7 +97,8 @@ def test_across_every_edge_lies_what_shares_it(welded):
 @every_method
 def test_a_room_of_twelve_triangles_is_as_traced(name):
     made = coarse_room()
-    straight, answer = (shaded(METHODS[name](resolve=way), made, 0)[0] for way in ("interpolate", "ray"))
+    ways = ({"split_px": 0}, {"resolve": "ray"})
+    straight, answer = (shaded(METHODS[name](**way), made, 0)[0] for way in ways)
     which, distance, L, clear = truth(made, answer)
     assert clear.mean() > 0.97 and (which >= 0).all()
     off, before = (np.abs(a.L[a.active] - L).max(axis=1) > 1e-3 for a in (answer, straight))
