@@ -23,7 +23,7 @@ from methods.secant_triangle import SecantTriangle
 from scenes.props.minimal import RED, grid, stage, thing
 
 FINE_PX = 0.02  # secants go on until their triangle is this small
-LINEAR = SecantTriangle(resolution=64, hidden="drop", depth="screen_linear", newton="off")
+LINEAR = SecantTriangle(resolution=64, hidden="drop", depth="screen_linear", newton="off", split_px=0)
 
 
 @cache
