@@ -45,11 +45,10 @@ def of_method(entry: Entry, scene: Scene, split: Scene) -> Iterator[Turn]:
     holds meanwhile. Raises ValueError for values that it refuses."""
     name = entry.method
     kind: Any = plugins.given("method", name, entry.source, name).target
-    set_ = {field: entry.params[field] for field in entry.changed}
     for knob in kind.knobs:
         drawn = split if knob.split else scene
         cases = [
-            (lambda drawn=drawn: drawn, _built(name, kind, {**set_, **knob.given, knob.parameter: v})) for v in knob.values
+            (lambda drawn=drawn: drawn, _built(name, kind, {**entry.set_by_hand, **knob.given, knob.parameter: v})) for v in knob.values
         ]
         given = _text({**knob.given, **({"h_max": "split"} if knob.split else {})})
         yield Turn(name, knob.parameter, given, [_said(value) for value in knob.values], cases, dict(knob.reference))
@@ -78,7 +77,7 @@ def of_edges(entry: Entry, scene: Scene) -> Turn:
     """The scene as it is, and with ever shorter edges, for one method, which splits none itself."""
     split, kind = _split(scene), plugins.given("method", entry.method, entry.source, entry.method).target
     alike = {"split_px": 0.0} if "split_px" in entry.params else {}
-    method = _built(entry.method, kind, {**{field: entry.params[field] for field in entry.changed}, **alike})
+    method = _built(entry.method, kind, {**entry.set_by_hand, **alike})
     return Turn(entry.method, EDGES, _text(alike), list(split), [(lambda one=one: one, method) for one in split.values()], {})
 
 

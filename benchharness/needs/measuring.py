@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,6 +42,25 @@ class _Shown:
     last: runup.Step
 
 
+class Unanswered(Exception):
+    """What a method refuses, or fails in: `status` is "refused" or "error", and the text is the reason."""
+
+    def __init__(self, status: str, reason: str) -> None:
+        super().__init__(reason)
+        self.status = status
+
+
+@contextlib.contextmanager
+def _answering(method: Method, scene: Scene) -> Iterator[None]:
+    refused = contract.refusal(method, scene)
+    if refused is not None:
+        raise Unanswered("refused", refused)
+    try:
+        yield
+    except Exception as error:  # whatever a method may raise
+        raise Unanswered("error", f"{type(error).__name__}: {error}") from error
+
+
 class Bench:
     """A scene and its references; renderers are kept as long as the scene is the same."""
 
@@ -60,14 +80,12 @@ class Bench:
 
     def measured(self, scene: Scene, method: Method, more: dict) -> dict:
         """A row of SAMPLES, without what names it. What a method refuses or fails in is its status."""
-        refused = contract.refusal(method, scene)
-        if refused is not None:
-            return {"status": "refused", "reason": refused}
         try:
-            shown = self._shown(scene, method, more)
-            error, ms = error_of(shown.maps, shown.masks), _frame_ms(self.renderer(scene), method, scene, shown.last)
-        except Exception as error:  # whatever a method may raise
-            return {"status": "error", "reason": f"{type(error).__name__}: {error}"}
+            with _answering(method, scene):
+                shown = self._shown(scene, method, more)
+                error, ms = error_of(shown.maps, shown.masks), _frame_ms(self.renderer(scene), method, scene, shown.last)
+        except Unanswered as unanswered:
+            return {"status": unanswered.status, "reason": str(unanswered)}
         return {
             "status": "ok",
             "vertices": scene.vertices,

@@ -15,7 +15,7 @@ from benchharness.api import Method
 from benchharness.measure import metrics
 from benchharness.needs.coarser import coarser
 from benchharness.needs.knee import Error, error_of, knee_of
-from benchharness.needs.measuring import Bench
+from benchharness.needs.measuring import Bench, Unanswered
 from benchharness.scene import Object, Scene
 
 SHARES = (0.125, 0.25, 0.5)  # of the triangles of an object
@@ -30,17 +30,19 @@ class Verdict:
     method  whose error changes most when it is left out, in half-widths of its 95 % interval: `change`
     order   pairs of methods that change places
     lost    FLIP between the scene's reference and that of the scene without it
+    failed  methods that do not answer without it, and why
     """
 
     method: str
     change: float
     order: str
     lost: Error
+    failed: str = ""
 
     def word(self, least: float) -> str:
-        """Whether it "judges": changes an error by more than its interval, or a ranking; is just "seen": without it the
+        """Whether it "judges": changes an error by more than its interval, or a ranking, or makes methods fail; is just "seen": without it the
         picture differs by more than `least`; or needed for "nothing"."""
-        if self.change > 1 or self.order:
+        if self.change > 1 or self.order or self.failed:
             return "judges"
         return "seen" if self.lost.mean > least else "nothing"
 
@@ -59,7 +61,7 @@ def studied(bench: Bench, label: str, methods: dict[str, Method], say: Callable[
     answers."""
     scene = bench.scene
     say(f"{label}: with all objects")
-    whole = {name: error for name, method in methods.items() if (error := bench.error(scene, method)) is not None}
+    whole, _ = _errors(bench, methods)
     if not whole:
         return
     judge = min(([name for name in whole if not name.startswith(TRACED)] or whole), key=lambda name: whole[name].mean)
@@ -103,11 +105,22 @@ def _left_out(bench: Bench, thing: Object, methods: dict[str, Method], whole: di
     lost = _lost(bench, without)
     if lost.mean == 0:  # no mirror shows it
         return Verdict("", 0.0, "", lost)
-    errors = {name: error for name, method in methods.items() if (error := without.error(without.scene, method)) is not None}
+    errors, failed = _errors(without, methods)
     change = {name: abs(error.mean - whole[name].mean) / max(_half(whole[name]), 1e-12) for name, error in errors.items()}
     most = max(change, key=lambda name: change[name], default="")
     pairs = [f"{a}, {b}" for a, b in combinations(errors, 2) if _reversed(whole[a], whole[b], errors[a], errors[b])]
     return Verdict(most, change.get(most, 0.0), "; ".join(pairs), lost)
+
+
+def _errors(bench: Bench, methods: dict[str, Method]) -> tuple[dict[str, Error], str]:
+    """Of every method that answers; and which do not, and why."""
+    errors, failed = {}, []
+    for name, method in methods.items():
+        try:
+            errors[name] = bench.error(bench.scene, method)
+        except Unanswered as unanswered:
+            failed.append(f"{name}: {unanswered}")
+    return errors, "; ".join(failed)
 
 
 def _reversed(a: Error, b: Error, other_a: Error, other_b: Error) -> bool:

@@ -86,7 +86,7 @@ def _scene(job: Job, config: Config, say: Callable[[str], None]) -> Iterator[tup
 
 def _named(entry: Entry) -> str:
     """Method and what is set of it."""
-    return f"{entry.method} {params.canonical({name: entry.params[name] for name in entry.changed})}".strip()
+    return f"{entry.method} {params.canonical(entry.set_by_hand)}".strip()
 
 
 def _turns(job: Job, scene: Scene, split: Scene, seed: int):

@@ -80,7 +80,7 @@ class Plan:
 
 def setting(entry: Entry) -> str:
     """The parameters of an entry that are not the defaults: `multi=3`; empty for none."""
-    return params.canonical({name: entry.params[name] for name in entry.changed})
+    return params.canonical(entry.set_by_hand)
 
 
 def label(entry: Entry) -> str:

@@ -41,6 +41,11 @@ class Entry:
         return params.canonical(self.params)
 
     @property
+    def set_by_hand(self) -> dict[str, Any]:
+        """What is not the default."""
+        return {name: self.params[name] for name in self.changed}
+
+    @property
     def key(self) -> str:
         """Method and parameters in one line; unique within a run."""
         return f"{self.method} {self.params_text}".strip()
