@@ -47,9 +47,8 @@ def of_method(entry: Entry, scene: Scene, split: Scene) -> Iterator[Turn]:
     kind: Any = plugins.given("method", name, entry.source, name).target
     for knob in kind.knobs:
         drawn = split if knob.split else scene
-        cases = [
-            (lambda drawn=drawn: drawn, _built(name, kind, {**entry.set_by_hand, **knob.given, knob.parameter: v})) for v in knob.values
-        ]
+        given_too = {**entry.set_by_hand, **knob.given}
+        cases = [(lambda drawn=drawn: drawn, _built(name, kind, {**given_too, knob.parameter: v})) for v in knob.values]
         given = _text({**knob.given, **({"h_max": "split"} if knob.split else {})})
         yield Turn(name, knob.parameter, given, [_said(value) for value in knob.values], cases, dict(knob.reference))
 

@@ -8,6 +8,7 @@ from benchharness.kernels.vertices import levels
 from benchharness.scene import Mesh
 
 INWARD = 0.02  # of the way to a triangle's middle: there its corners are looked up, so that creases keep their two sides
+SAME = 1e-6  # of the largest number of its kind
 CARRIED = "normals albedo emission radiance visibility".split()
 
 
@@ -27,9 +28,16 @@ def _carrying(level: levels.Level, mesh: Mesh) -> Mesh:
         for name in CARRIED
         if getattr(mesh, name) is not None
     }
-    rows = np.concatenate([corners.reshape(-1, 3), *table.values()], axis=1)
-    _, first, which = np.unique(np.round(rows, 6), axis=0, return_index=True, return_inverse=True)
+    if "visibility" in table:
+        table["visibility"] = table["visibility"].clip(0, 1)  # sums of weights round
+    rows = np.concatenate([_counted(values) for values in (corners.reshape(-1, 3), *table.values())], axis=1)
+    _, first, which = np.unique(rows, axis=0, return_index=True, return_inverse=True)
     normals = table["normals"]
     table["normals"] = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
     carried = {name: values[first] for name, values in table.items()}
     return Mesh(corners.reshape(-1, 3)[first], which.reshape(-1, 3), **carried)
+
+
+def _counted(values: np.ndarray) -> np.ndarray:
+    """In steps of SAME of the largest, so that what is the same but for rounding counts as the same."""
+    return np.round(values / max(np.abs(values).max(), 1e-30) / SAME)

@@ -7,6 +7,7 @@ the same of the methods. Light stays as it was baked.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -40,8 +41,8 @@ class Verdict:
     failed: str = ""
 
     def word(self, least: float) -> str:
-        """Whether it "judges": changes an error by more than its interval, or a ranking, or makes methods fail; is just "seen": without it the
-        picture differs by more than `least`; or needed for "nothing"."""
+        """Whether it "judges": changes an error by more than its interval, or a ranking, or lets methods fail; is just
+        "seen": without it the picture differs by more than `least`; or needed for "nothing"."""
         if self.change > 1 or self.order or self.failed:
             return "judges"
         return "seen" if self.lost.mean > least else "nothing"
@@ -71,7 +72,8 @@ def studied(bench: Bench, label: str, methods: dict[str, Method], say: Callable[
         if len(scene.objects) > 1:
             say(f"{label}: without {thing.name}")
             verdict = _left_out(bench, thing, {name: methods[name] for name in whole}, whole)
-            named |= {"lost": verdict.lost.mean, "method": verdict.method, "change": verdict.change, "order": verdict.order}
+            named |= {"lost": verdict.lost.mean, "method": verdict.method, "change": verdict.change}
+            named |= {"order": verdict.order, "failed": verdict.failed}
         named["verdict"] = ALONE if verdict is None else verdict.word(_half(whole[judge]))
         say(f"{label}: coarser {thing.name}")
         unseen = verdict is not None and verdict.lost.mean == 0
@@ -109,7 +111,7 @@ def _left_out(bench: Bench, thing: Object, methods: dict[str, Method], whole: di
     change = {name: abs(error.mean - whole[name].mean) / max(_half(whole[name]), 1e-12) for name, error in errors.items()}
     most = max(change, key=lambda name: change[name], default="")
     pairs = [f"{a}, {b}" for a, b in combinations(errors, 2) if _reversed(whole[a], whole[b], errors[a], errors[b])]
-    return Verdict(most, change.get(most, 0.0), "; ".join(pairs), lost)
+    return Verdict(most, change.get(most, 0.0), "; ".join(pairs), lost, failed)
 
 
 def _errors(bench: Bench, methods: dict[str, Method]) -> tuple[dict[str, Error], str]:
@@ -147,7 +149,7 @@ def _coarser(bench: Bench, thing: Object, method: Method, whole: Error) -> list[
         if mesh is None:
             continue
         objects = tuple(replace(other, mesh=mesh) if other is thing else other for other in scene.objects)
-        error = bench.error(replace(scene, objects=objects), method)
-        if error is not None:
+        with contextlib.suppress(Unanswered):  # too coarse for the method, so not enough
+            error = bench.error(replace(scene, objects=objects), method)
             models.append(Model(f"1/{1 / share:g}", len(mesh.vertices), error))
     return [*models, Model("1", len(thing.mesh.vertices), whole)]

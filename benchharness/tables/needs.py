@@ -25,8 +25,10 @@ OBJECT_KINDS: dict[str, Kind] = {
     "enough_flip": "number",
     "flip": "number",
 }
-OBJECTS = "scene object shows vertices verdict lost method change order failed judge enough enough_vertices enough_flip flip".split()
+OBJECTS = (
+    "scene object shows vertices verdict lost method change order failed judge enough enough_vertices enough_flip flip".split()
+)
 """Of an object: its vertices; whether it `judges`, is just `seen`, or is needed for `nothing`; FLIP in mirrors between the
 reference and that of the scene without it, `lost`; the `method` whose error changes most without it, by how many half-widths of
-its interval, the pairs of methods that change places, `order`, and what `failed` without it, and why. By the method `judge`: the smallest share of its triangles
-that is `enough`, how many vertices that is, the error there, and that of the scene as it is."""
+its interval, the pairs of methods that change places, `order`, and which `failed` without it, and why. By the method `judge`:
+the smallest share of its triangles that is `enough`, how many vertices, the error there, and that of the whole scene."""

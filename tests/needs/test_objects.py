@@ -45,6 +45,15 @@ def test_a_coarser_box_keeps_its_shape_its_creases_and_its_colours(share):
     assert np.ptp(coarse.vertices, axis=0) == pytest.approx(np.ptp(fine.vertices, axis=0), abs=1e-6)
 
 
+@pytest.mark.parametrize("scale", [1e-3, 1e3])
+def test_a_coarser_ball_has_as_many_corners_at_every_scale_and_its_visibility_stays_a_share(scale):
+    usual = ball(0.5, (1, 2, 3), (1, 1, 1), 4)
+    other = replace(usual, vertices=scale * usual.vertices, visibility=np.full((len(usual.vertices), 1), 1.0))
+    few, same = coarser(usual, 0.25), coarser(other, 0.25)
+    assert few is not None and same is not None and same.visibility is not None
+    assert len(same.vertices) == len(few.vertices) and same.visibility.max() <= 1
+
+
 def test_a_coarser_ball_is_still_round_and_smooth():
     fine = ball(0.5, (1, 2, 3), (1, 1, 1), 4)
     coarse = coarser(fine, 0.25)
