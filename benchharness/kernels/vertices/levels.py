@@ -21,6 +21,7 @@ SHRINKS = 0.75  # a level that has more than this share of the triangles of the 
 HALVINGS = 10
 HASTES = (3.0, 7.0)  # of the library: the slow one is nearer to the shape, the quick one goes farther
 MANY = 20_000  # triangles: of so many the slow way takes too long
+FLAT = 1e-9  # of a mesh's size; shorter edges are none
 NEAREST = 16  # triangles, by their middles, of which one is taken to be nearest to a point
 
 
@@ -116,7 +117,8 @@ def nearest(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -> tupl
 
 def _nearest(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The triangle nearest to each point [N, 3], of the NEAREST whose middles are; where on it, and how far away that is."""
-    corners, count = vertices[faces], min(NEAREST, len(faces))
+    size = _shortest_edge(vertices, faces)  # trimesh takes what is tiny in metres for nothing
+    corners, points, count = vertices[faces] / size, points / size, min(NEAREST, len(faces))
     near = KDTree(corners.mean(axis=1)).query(points, count, workers=-1)[1].reshape(len(points), count)
     best, place, distance = np.zeros(len(points), np.int64), np.zeros((len(points), 3)), np.full(len(points), np.inf)
     for k in range(count):
@@ -125,4 +127,10 @@ def _nearest(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -> tup
         nearer = apart < distance
         best, distance = np.where(nearer, near[:, k], best), np.where(nearer, apart, distance)
         place = np.where(nearer[:, None], there, place)
-    return best, place, distance
+    return best, size * place, size * distance
+
+
+def _shortest_edge(vertices: np.ndarray, faces: np.ndarray) -> float:
+    """Of a mesh, and at least FLAT of its size."""
+    lengths = np.concatenate([np.linalg.norm(vertices[faces[:, k]] - vertices[faces[:, k - 1]], axis=1) for k in range(3)])
+    return max(float(lengths.min()), FLAT * float(np.ptp(vertices, axis=0).max()), np.finfo(float).tiny)

@@ -73,6 +73,14 @@ def test_a_triangle_names_the_nearest_of_the_mesh(name):
         np.testing.assert_allclose(apart[np.arange(len(middles)), level.names], apart.min(axis=1), atol=0.002 * size)
 
 
+@pytest.mark.parametrize("scale", [1e-5, 1e-2, 1e5])
+def test_a_millimetre_is_simplified_as_a_metre(scale):
+    one = ball(0.5, (1, 2, 3), (1, 1, 1), 3)
+    usual, other = (levels.chain(s * one.vertices, one.faces) for s in (1.0, scale))
+    assert [len(level.faces) for level in other] == [len(level.faces) for level in usual]
+    assert [level.error for level in other] == pytest.approx([scale * level.error for level in usual], rel=1e-6)
+
+
 def test_what_is_flat_takes_few_triangles():
     vertices, faces = grid()
     flat = [level for level in levels.chain(vertices, faces) if level.error < 1e-6]
