@@ -63,7 +63,7 @@ class Slide:
 
 
 def table(spacing: float, feet: list[tuple[float, float, float]]) -> list[Object]:
-    """The table, its cloth and its chairs. `spacing`: distance of base vertices on the top; `feet`: as of `things`."""
+    """The table, its cloth and its chairs. `spacing`: distance of base vertices on the top; `feet`: x, y and radius."""
     x0, x1, y0, y1 = TABLE
     top = contact_sheet((x0, y0), (x1, y1), HEIGHT, spacing, feet, kitchen_room.OAK)
     grain = 1.0 + 0.10 * np.sin(23.0 * top.vertices[:, 1:2] + 2.0 * np.sin(3.0 * top.vertices[:, :1]))
@@ -90,22 +90,22 @@ def table(spacing: float, feet: list[tuple[float, float, float]]) -> list[Object
     ]
 
 
-def things(n: int, duration: float, *, moving: bool) -> tuple[list[Object], list[tuple[float, float, float]]]:
-    """What stands on the table, and where: x, y and radius of the contact.
+def things(n: int, duration: float, *, moving: bool) -> tuple[list[Object], dict[str, tuple[float, float, float]]]:
+    """What stands on the table, and where, by name: x, y and radius of the contact.
 
     n         vertices around a can; other round things are scaled to it
     duration  of the animation, seconds
     moving    whether an orange rolls and a mug slides
     """
-    objects, feet = [], []
+    objects, feet = [], {}
     for name, mesh, place, shows in _standing(n):
         objects.append(Object(name, placed(mesh, (place.x, place.y, HEIGHT + place.z), place.turn_deg), shows))
         if place.z == 0.0:
-            feet.append((place.x, place.y, place.foot))
+            feet[name] = (place.x, place.y, place.foot)
     for name, mesh, motion, foot, shows in _movable(n, duration):
         start = motion(0.0)
         objects.append(Object(name, mesh, shows, motion) if moving else Object(name, mesh.transformed(start), shows))
-        feet.append((start[0, 3], start[1, 3], foot))
+        feet[name] = (start[0, 3], start[1, 3], foot)
     return objects, feet
 
 

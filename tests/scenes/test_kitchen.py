@@ -297,11 +297,12 @@ def test_the_outside_of_the_concave_bowl_is_never_seen():
 # Motion
 
 
-def test_only_an_orange_and_a_mug_move_and_only_if_asked():
-    assert not built().moves(0.0, 4.0)
-    scene = built(moving=True)
-    assert {o.name for o in scene.objects if o.motion} == {"orange", "mug-white"}
-    for still, moving in zip(built().objects, scene.objects, strict=True):
+@pytest.mark.parametrize(("detail", "movable"), [("lean", {"orange"}), ("paper", {"orange", "mug-white"})])
+def test_only_an_orange_and_a_mug_move_and_only_if_asked(detail, movable):
+    assert not built(detail).moves(0.0, 4.0)
+    scene = built(detail, moving=True)
+    assert {o.name for o in scene.objects if o.motion} == movable
+    for still, moving in zip(built(detail).objects, scene.objects, strict=True):
         assert np.allclose(still.mesh.vertices, moving.mesh.transformed(moving.pose(0.0)).vertices, atol=1e-12), still.name
 
 
