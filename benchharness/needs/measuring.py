@@ -43,7 +43,7 @@ class _Shown:
 
 
 class Unanswered(Exception):
-    """What a method refuses, or fails in: `status` is "refused" or "error", and the text is the reason."""
+    """What a method refuses, or fails in: `status` is "refused" or "crashed", and the text is the reason."""
 
     def __init__(self, status: str, reason: str) -> None:
         super().__init__(reason)
@@ -57,8 +57,10 @@ def _answering(method: Method, scene: Scene) -> Iterator[None]:
         raise Unanswered("refused", refused)
     try:
         yield
-    except Exception as error:  # whatever a method may raise
-        raise Unanswered("error", f"{type(error).__name__}: {error}") from error
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # a plugin may raise what is no Exception
+        raise Unanswered("crashed", contract.account(error)) from error
 
 
 class Bench:

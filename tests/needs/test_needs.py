@@ -52,7 +52,9 @@ class Grey(Method):
     def refuses(self, scene):
         return "level 3 is not for rooms" if self.level == 3 else None
 
-    def prepare(self, scene): return dr.opaque(mi.Float, self.level)
+    def prepare(self, scene):
+        if self.level == 4: raise SystemExit("level 4 goes home")
+        return dr.opaque(mi.Float, self.level)
 
     def shade(self, state, frame):
         L = mi.Color3f(dr.full(mi.Float, 0, dr.width(frame.active))) + state
@@ -149,12 +151,12 @@ def test_one_object_has_nothing_to_be_left_out_of(folder):
     assert row["verdict"] == "alone" and row["change"] is None
 
 
-def test_what_a_method_refuses_is_told_and_left_out_of_the_knee(folder):
-    knob(folder, values="(1.0, 3.0, 0.5)")
+def test_what_a_method_refuses_or_fails_in_is_told_and_left_out_of_the_knee(folder):
+    knob(folder, values="(1.0, 3.0, 4.0, 0.5)")
     assert asked().exit_code == 0
     samples = files.read(folder / "out" / NEEDS_SAMPLES, SAMPLE_KINDS, required=["value"])
-    assert [row["status"] for row in samples] == ["ok", "refused", "ok"]
-    assert samples[1]["reason"] == "level 3 is not for rooms"
+    assert [row["status"] for row in samples] == ["ok", "refused", "crashed", "ok"]
+    assert samples[1]["reason"] == "level 3 is not for rooms" and "level 4 goes home" in samples[2]["reason"]
     assert "level 3 is not for rooms" in (folder / "out" / "needs.html").read_text()
 
 

@@ -68,14 +68,15 @@ def test_twelve_triangles_are_not_made_fewer():
 
 
 @pytest.mark.parametrize(
-    ("change", "order", "lost", "word"),
+    ("change", "order", "lost", "failed", "word"),
     [
-        (1.1, "", 0.0, "judges"),
-        (0.9, "", 0.0, "nothing"),
-        (0.9, "a, b", 0.0, "judges"),
-        (0.9, "", 0.02, "seen"),
-        (0.9, "", 0.01, "nothing"),
+        (1.1, "", 0.0, "", "judges"),
+        (0.9, "", 0.0, "", "nothing"),
+        (0.9, "a, b", 0.0, "", "judges"),
+        (0.9, "", 0.0, "a: why", "judges"),
+        (0.9, "", 0.02, "", "seen"),
+        (0.9, "", 0.01, "", "nothing"),
     ],
 )
-def test_words(change, order, lost, word):
-    assert Verdict("a", change, order, Error(lost, lost, lost)).word(0.01) == word
+def test_words(change, order, lost, failed, word):
+    assert Verdict("a", change, order, Error(lost, lost, lost), failed).word(0.01) == word
