@@ -13,8 +13,8 @@ looks, and so is elsewhere in the mirror.
 
 The paper states no vertex count for this scene, only that its method serves up to 40,000 polygons. `paper` is made for
 that size: 20,000 vertices (33,000 triangles) as built and about 30,000 (50,000) after `refined`. `lean` is what the
-picture needs: 11,100, 3,900 of them the kettle's, and drawn as it is built. The chair stays out of pictures
-that are at most 1.4 times as wide as high.
+picture needs: about 10,000, 3,900 of them the kettle's, without SPARED, and drawn as it is built. The chair stays out of
+pictures that are at most 1.4 times as wide as high.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from benchharness.scene import Camera, Gloss, Mesh, Object, PointLight, Scene, m
 
 from .props import kettle_body, kettle_figure, kettle_room, kitchen_room, kitchenware
 from .props.kettle_room import CLOTH, HEIGHT
+from .props.lean import without
 from .props.shapes import Colour, arc, ball, lathe, placed, tube
 from .props.ways import gently, mixed, way_to
 
@@ -57,6 +58,10 @@ DETAILS: dict[str, Detail] = {
     "paper": Detail(near=26, hand=22, table=0.031, wall=0.22, h_max=0.2),
 }
 
+SPARED = "lamp-rod cup plate fruit vase".split()
+"""What the lean scene does without: with all of them or with none, no method's error differs by more than its interval. (The
+kettle shows little of its trivet and of the arm, and nothing of the table's frame; but they hold what is seen.)"""
+
 GLAZE = Gloss((0.4, 0.4, 0.4), 60.0)
 LIGHT = PointLight((0.62, -0.62, 1.15), (0.9, 0.85, 0.75))
 GLOSSY = "jug"
@@ -78,7 +83,7 @@ FIGURE, FIGURE_DEG = (-0.66, 0.27, 0.0), -24.0
 def kettle(detail: DetailName = "lean", *, moving: bool = True) -> Scene:
     """The kettle.
 
-    detail   how finely it is modelled; the same things either way
+    detail   how finely it is modelled, and how many things are there
     moving   whether the hand comes from 0.2 m away; otherwise it rests where it touches
 
     Raises ValueError for anything else.
@@ -88,20 +93,25 @@ def kettle(detail: DetailName = "lean", *, moving: bool = True) -> Scene:
     if not isinstance(moving, bool):
         raise ValueError(f"kettle: moving is {moving!r}; accepted: true or false")
     d = DETAILS[detail]
+    spared = SPARED if detail == "lean" else []
     things, feet = _on_the_table(d.near)
+    standing = [foot for name, foot in feet.items() if name not in spared]
     scene = Scene(
         name="kettle",
-        objects=(
-            *kettle_room.shell(d.wall),
-            *kettle_room.pictures(),
-            *kitchen_room.window(14.0),
-            *kitchen_room.lamp((15.0, 12.0, 8.0), d.near),
-            *kettle_room.table(d.table, feet),
-            *kettle_room.chair(),
-            *things,
-            *kettle_figure.sitter(d.near, FIGURE, FIGURE_DEG),
-            *_arm(d.hand, moving=moving),
-            *kettle_body.attached(CENTRE, d.near),
+        objects=without(
+            (
+                *kettle_room.shell(d.wall),
+                *kettle_room.pictures(),
+                *kitchen_room.window(14.0),
+                *kitchen_room.lamp((15.0, 12.0, 8.0), d.near),
+                *kettle_room.table(d.table, standing),
+                *kettle_room.chair(),
+                *things,
+                *kettle_figure.sitter(d.near, FIGURE, FIGURE_DEG),
+                *_arm(d.hand, moving=moving),
+                *kettle_body.attached(CENTRE, d.near),
+            ),
+            spared,
         ),
         reflectors=(kettle_body.body(CENTRE),),
         camera=Orbit(),
@@ -231,8 +241,8 @@ def _vase(n: int) -> Mesh:
     return merged(*parts)
 
 
-def _on_the_table(n: int) -> tuple[list[Object], list[tuple[float, float, float]]]:
-    """What stands on the table, and x, y and radius of its contact where it stands on the wood."""
+def _on_the_table(n: int) -> tuple[list[Object], dict[str, tuple[float, float, float]]]:
+    """What stands on the table, and by name x, y and radius of its contact where it stands on the wood."""
     blue = (0.10, 0.24, 0.45)
     trivet = lathe([(0.084, 0), (0.087, 0.006), (0.084, TRIVET), (0.04, TRIVET), (0, TRIVET)], 2 * n, (0.44, 0.27, 0.13))
     saucer = kitchenware.plate(n, (0.75, 0.55, 0.12), radius=0.072)
@@ -258,4 +268,4 @@ def _on_the_table(n: int) -> tuple[list[Object], list[tuple[float, float, float]
             gloss=GLAZE,
         ),
     ]
-    return objects, [(-0.41, -0.05, 0.042), (*dish, 0.072), (0.19, 0.42, 0.03)]
+    return objects, {"cup": (-0.41, -0.05, 0.042), "plate": (*dish, 0.072), "vase": (0.19, 0.42, 0.03)}

@@ -96,8 +96,8 @@ def test_paper_detail_is_of_the_size_that_the_paper_claims_to_serve():
 
 
 def test_lean_detail_stays_lean():
-    assert built().vertices < 11_500
-    assert 6_000 <= refined(built()).vertices <= 12_000
+    assert 6_000 <= built().vertices < 10_500
+    assert refined(built()).vertices == built().vertices
 
 
 def test_the_scene_says_what_was_asked_for():

@@ -72,7 +72,7 @@ def test_paper_detail_has_the_papers_vertex_counts(bowl):
 
 @pytest.mark.parametrize("bowl", BOWLS)
 def test_lean_detail_stays_lean(bowl):
-    assert 4000 <= built("lean", bowl).vertices <= 7000
+    assert 4000 <= built("lean", bowl).vertices <= 5000
 
 
 def test_the_scene_says_what_was_asked_for():
