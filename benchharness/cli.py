@@ -17,7 +17,8 @@ from rich.markup import escape
 from benchharness import __version__, platform
 from benchharness.exits import Exit
 
-BASELINES = Path("results") / "baselines"
+TABLES = Path("results")
+BASELINES = TABLES / "baselines"
 EXHAUSTED = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOLCK)
 """What no other input mends: the disk is full or broken, too many files are open, there are no locks."""
 
@@ -162,6 +163,31 @@ def needs(
         study.run(loaded, scene or (), place, Console())
         print(page.write(place))
         return Exit.FINE
+
+    _exit(action)
+
+
+@app.command()
+def claims(
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="the page; a new one under results/runs if not given")
+    ] = None,
+    tables: Annotated[Path, typer.Option(help="the folder that has baselines/ and needs/")] = TABLES,
+) -> None:
+    """Hold what papers claim against what was measured.
+
+    Exit code 1 where a table contradicts a verdict.
+    """
+
+    def action() -> int:
+        from benchharness.execution import folder
+        from benchharness.report import claims as page
+
+        outcome = page.write(out or folder.stamped("claims") / page.PAGE, tables)
+        for line in outcome.lines:
+            print(line)
+        print(outcome.page)
+        return outcome.code
 
     _exit(action)
 

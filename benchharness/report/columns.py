@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from benchharness.tables.columns import RESULTS, SAMPLES, STATUSES, SUMMARY, Column
+from benchharness.tables.claims import VERDICTS
+from benchharness.tables.columns import CLAIMS, RESULTS, SAMPLES, STATUSES, SUMMARY, Column
 
 HEAD = """# Columns
 
@@ -24,6 +25,9 @@ def markdown() -> str:
         _explained(column for column in SUMMARY if column.name not in known),
         "## samples.csv\n\nA row for every time that was taken. Beside what it is about:\n",
         _explained(column for column in SAMPLES if column.name not in known),
+        "## claims.csv\n\nA row per claim of a paper, by `benchharness claims` ([claims.md](claims.md)).\n",
+        _table(("column", "what it says"), ((f"`{c.name}`", c.says) for c in CLAIMS)),
+        _table(("verdict", ""), ((f"`{name}`", meaning) for name, meaning in VERDICTS.items())),
         "## status\n",
         _table(("status", ""), ((f"`{name}`", meaning) for name, meaning in STATUSES.items())),
         "## What `compare` holds for the same\n\nOn another machine; a tenth of it in the same environment.\n",

@@ -310,6 +310,23 @@ SAMPLES = (
 )
 """The columns of samples.csv, in order: a row for every time that was taken."""
 
+CLAIMS = (
+    _text("id", "What the claim is called."),
+    _text("source", "The paper, by its authors and year."),
+    _text("section", "Where in it the claim stands."),
+    _text("kind", "What it is: a table, a figure, a sentence or an equation."),
+    _text("says", "What is claimed, in our words, with the numbers as they are given."),
+    _text("measures", "The method, scene and metric that answer it."),
+    _text("verdict", "What has become of it, see below."),
+    _text("found", "What was measured here. Of a query: by case, read from the table when the file was written."),
+    _text("expected", "What a query's numbers have to be for the claim to hold; empty where there is none."),
+    _text("agrees", "Whether the verdict is what the table says: yes or no; empty without a query."),
+    _text("shown", "Where the number stands: a table, pages, tests."),
+    _text("command", "What makes it anew."),
+    _text("because", "What has to be known to read it; why it cannot be tested."),
+)
+"""The columns of claims.csv, in order: a row per claim of a paper, see `benchharness.tables.claims`."""
+
 STATUSES = {
     "ok": "a picture and numbers",
     "refused": "the method says that it cannot serve this scene",
