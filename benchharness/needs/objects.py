@@ -62,7 +62,7 @@ def studied(bench: Bench, label: str, methods: dict[str, Method], say: Callable[
     answers."""
     scene = bench.scene
     say(f"{label}: with all objects")
-    whole, _ = _errors(bench, methods)
+    whole, _ = errors_of(bench, methods)
     if not whole:
         return
     judge = min(([name for name in whole if not name.startswith(TRACED)] or whole), key=lambda name: whole[name].mean)
@@ -71,10 +71,10 @@ def studied(bench: Bench, label: str, methods: dict[str, Method], say: Callable[
         verdict = None
         if len(scene.objects) > 1:
             say(f"{label}: without {thing.name}")
-            verdict = _left_out(bench, thing, {name: methods[name] for name in whole}, whole)
+            verdict = left_out(bench, thing, {name: methods[name] for name in whole}, whole)
             named |= {"lost": verdict.lost.mean, "method": verdict.method, "change": verdict.change}
             named |= {"order": verdict.order, "failed": verdict.failed}
-        named["verdict"] = ALONE if verdict is None else verdict.word(_half(whole[judge]))
+        named["verdict"] = ALONE if verdict is None else verdict.word(half(whole[judge]))
         say(f"{label}: coarser {thing.name}")
         unseen = verdict is not None and verdict.lost.mean == 0
         models = [Model("0", 0, whole[judge])] if unseen else _coarser(bench, thing, methods[judge], whole[judge])
@@ -97,24 +97,26 @@ def _of(scene: Scene, objects: tuple[Object, ...]) -> Scene:
     return replace(scene, objects=objects, environment=around)
 
 
-def _half(error: Error) -> float:
+def half(error: Error) -> float:
+    """Half the width of its interval."""
     return 0.5 * (error.high - error.low)
 
 
-def _left_out(bench: Bench, thing: Object, methods: dict[str, Method], whole: dict[str, Error]) -> Verdict:
+def left_out(bench: Bench, thing: Object, methods: dict[str, Method], whole: dict[str, Error]) -> Verdict:
+    """What the scene says without one of its several objects. `whole`: the methods' errors with it."""
     rest = tuple(other for other in bench.scene.objects if other is not thing)
     without = Bench(_of(bench.scene, rest), bench.setting)
     lost = _lost(bench, without)
     if lost.mean == 0:  # no mirror shows it
         return Verdict("", 0.0, "", lost)
-    errors, failed = _errors(without, methods)
-    change = {name: abs(error.mean - whole[name].mean) / max(_half(whole[name]), 1e-12) for name, error in errors.items()}
+    errors, failed = errors_of(without, methods)
+    change = {name: abs(error.mean - whole[name].mean) / max(half(whole[name]), 1e-12) for name, error in errors.items()}
     most = max(change, key=lambda name: change[name], default="")
     pairs = [f"{a}, {b}" for a, b in combinations(errors, 2) if _reversed(whole[a], whole[b], errors[a], errors[b])]
     return Verdict(most, change.get(most, 0.0), "; ".join(pairs), lost, failed)
 
 
-def _errors(bench: Bench, methods: dict[str, Method]) -> tuple[dict[str, Error], str]:
+def errors_of(bench: Bench, methods: dict[str, Method]) -> tuple[dict[str, Error], str]:
     """Of every method that answers; and which do not, and why."""
     errors, failed = {}, []
     for name, method in methods.items():
