@@ -30,6 +30,7 @@ STAY = {
         "trivet": "the kettle stands on it",
         "window-garden": "it lights the room",
         "lamp": "it lights the room",
+        "spout": "it is the kettle's",
         "head": "it is the figure's, whose hand touches",
         "upper-arm": "it holds the hand",
         "forearm": "it holds the hand",
