@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import geometry, packets, raster, surroundings
+from benchharness.kernels import geometry, packets, raster, shown, surroundings
 from benchharness.kernels.types import View
 
 
@@ -71,12 +71,9 @@ def capture(
     for face in range(6):
         view = _view(face, n, centre, near)
         visibility = raster.rasterize(triangles.points, triangles.faces, triangles.face_count, view, drawn=drawn)
-        hit, packet, weights, p = raster.seen(triangles.points, triangles.faces, visibility, view, lane)
-        L = geometry.radiance(triangles, packet, weights, centre, hit)
-        inverse = dr.rcp(dr.norm(p - centre))
-        far = surroundings.radiance(around, raster.ray_through(view, lane), ~hit)
-        value = dr.select(hit, mi.Vector4f(L.x, L.y, L.z, inverse), mi.Vector4f(far.x, far.y, far.z, 0))
-        dr.scatter(texels, value, lane + face * count)
+        seen = shown.at(triangles, visibility, around, view, lane)
+        L, inverse = seen.value, dr.select(seen.hit, dr.rcp(dr.norm(seen.p - centre)), 0)
+        dr.scatter(texels, mi.Vector4f(L.x, L.y, L.z, inverse), lane + face * count)
     return texels
 
 

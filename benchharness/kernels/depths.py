@@ -8,12 +8,33 @@ eye.
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import dataclass
 
 import drjit as dr
 import mitsuba as mi
 
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.types import View
+
+
+@dataclass
+class Order:
+    """What a rasterizer sorts by: larger is nearer.
+
+    row    with (P, 1) and divided by depth, the value of P: it is linear on the screen
+    first  what has more than this is not drawn
+    last   what has no more than this is not drawn
+    """
+
+    row: mi.Vector4f
+    first: mi.Float
+    last: mi.Float
+
+
+def order(view: View) -> Order:
+    """By nearness, from the near plane to infinity."""
+    end = nowhere(view)
+    return Order(row(view), dr.rcp(view.near) + end, end)
 
 
 def offset(view: View, p: mi.Point3f | mi.Vector3f) -> mi.Float:

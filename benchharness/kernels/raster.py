@@ -38,11 +38,13 @@ class PixelTests:
     limit  float [height * width]: its nearness is at most that
     floor  float [height * width]: its second value is at least that
     layer  uint [height * width]: its layer is that
+    order  what nearness is here; None for that of `kernels.depths`
     """
 
     limit: mi.Float | None
     floor: mi.Float | None
     layer: mi.UInt32 | None
+    order: depths.Order | None = None
 
 
 @dataclass
@@ -85,6 +87,7 @@ def rasterize(
     layers: tuple[mi.UInt32, mi.UInt32] | None = None,
     drawn: mi.Bool | None = None,
     cull: Cull = "",
+    order: depths.Order | None = None,
 ) -> mi.UInt32:
     """The nearest triangle at each pixel centre, to be asked by `winner_at` or `seen`; NONE where no triangle covers it.
 
@@ -98,14 +101,15 @@ def rasterize(
     drawn      Bool [face_count]; the triangles to draw; all if None
     cull       "back": drop triangles marked CLOSED that turn their clockwise side to the eye; "front": drop all that turn
                their counter-clockwise side to it
+    order      what is sorted by, in place of nearness; `limit` is of the same kind
 
     Waits for the device once, to learn how long the lists are; not for use inside `dr.freeze`.
     """
     values, floor = least if least is not None else (None, None)
     layer, shown_layer = layers if layers is not None else (None, None)
-    triangles = _packed(DrawCall(points, faces, face_count, view, drawn, cull, values), layer)
+    triangles = _packed(DrawCall(points, faces, face_count, view, drawn, cull, values, order), layer)
     pairs = int(triangles.ends[face_count - 1])
-    return _nearest(triangles, roomy(pairs), face_count, view, PixelTests(limit, floor, shown_layer))
+    return _nearest(triangles, roomy(pairs), face_count, view, PixelTests(limit, floor, shown_layer, order))
 
 
 @frozen
@@ -193,8 +197,9 @@ def _walk(planes: list[mi.Float], lists: TileLists, view: View, tests: PixelTest
     inside = [(column < view.width) & (top + k < view.height) for k in range(TILE_HEIGHT)]
 
     # What each pixel asks for.
-    nowhere = depths.nowhere(view)
-    limits = [dr.select(inside[k], dr.rcp(view.near) + nowhere, nowhere) for k in range(TILE_HEIGHT)]
+    order = depths.order(view) if tests.order is None else tests.order
+    nowhere = order.last
+    limits = [dr.select(inside[k], order.first, nowhere) for k in range(TILE_HEIGHT)]
     if dr.hint(tests.limit is not None, mode="scalar"):
         for k in range(TILE_HEIGHT):
             limits[k] = dr.minimum(limits[k], dr.gather(mi.Float, tests.limit, pixel + k * view.width, inside[k]))

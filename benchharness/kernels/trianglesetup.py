@@ -41,6 +41,7 @@ class DrawCall:
     drawn   bool [count], the triangles to draw; None for all
     cull    what of those is dropped
     values  a second value, per vertex and linear on the screen; None where nothing asks for it
+    order   what is sorted by; None for nearness
     """
 
     points: mi.Float
@@ -50,6 +51,7 @@ class DrawCall:
     drawn: mi.Bool | None = None
     cull: Cull = ""
     values: mi.Float | None = None
+    order: depths.Order | None = None
 
 
 @dataclass
@@ -107,7 +109,8 @@ def setup(draw: DrawCall) -> Setup:
     active = mi.Bool(True) if draw.drawn is None else draw.drawn
     face = dr.gather(mi.Vector4u, draw.faces, dr.arange(mi.UInt32, draw.count), active)
     vertices = (face.x, face.y, face.z)
-    corners = [_projected(view, dr.gather(mi.Vector4f, draw.points, i, active)) for i in vertices]
+    row = depths.row(view) if draw.order is None else draw.order.row
+    corners = [_projected(view, row, dr.gather(mi.Vector4f, draw.points, i, active)) for i in vertices]
     a, b, c = corners
 
     # Orientation and the plane of nearness, from the screen where the triangle is whole, else from homogeneous coordinates.
@@ -151,12 +154,12 @@ def setup(draw: DrawCall) -> Setup:
     )
 
 
-def _projected(view: View, packet: mi.Vector4f) -> Corner:
-    """A vertex on the screen of a view."""
+def _projected(view: View, row: mi.Vector4f, packet: mi.Vector4f) -> Corner:
+    """A vertex on the screen of a view. `row`: of what is sorted by."""
     p = mi.Vector4f(packet)
     p.w = 1.0
     h = mi.Vector3f(dr.dot(view.x, p), dr.dot(view.y, p), dr.dot(view.w, p))
-    near_h, per_depth = dr.dot(depths.row(view), p), dr.rcp(h.z)
+    near_h, per_depth = dr.dot(row, p), dr.rcp(h.z)
     return Corner(h, h.x * per_depth, h.y * per_depth, near_h * per_depth, near_h, h.z > view.near)
 
 

@@ -11,7 +11,7 @@ import mitsuba as mi
 import numpy as np
 
 from benchharness.api import Frame, Surface, View
-from benchharness.kernels import geometry, optics, raster, surroundings
+from benchharness.kernels import geometry, optics, raster, shown, surroundings
 from benchharness.kernels.frozen import frozen
 from benchharness.scene import Camera, Mesh, Reflector, Scene
 
@@ -144,15 +144,14 @@ class FrameRenderer:
 def _first_hits(world: geometry.Geometry, visibility, around: surroundings.Surroundings, view: View, objects: int):
     """Reflector number, point, normal and radiance at every pixel centre. The attributes of mirrors are their normals."""
     lane = dr.arange(mi.UInt32, view.width * view.height)
-    hit, face, weights, p = raster.seen(world.points, world.faces, visibility, view, lane)
-    value = geometry.radiance(world, face, weights, view.eye, hit)
-    reflector = dr.select(hit, mi.Int32(geometry.part_of(face)) - objects, -1)
+    seen = shown.at(world, visibility, around, view, lane)
+    p, value = seen.p, seen.value
+    reflector = dr.select(seen.hit, mi.Int32(seen.part) - objects, -1)
     reflector = dr.select(reflector >= 0, reflector, -1)
     mirror = reflector >= 0
     n = dr.normalize(mi.Vector3f(value.x, value.y, value.z))
     n = dr.select(mirror, dr.select(dr.dot(n, mi.Vector3f(view.eye - p)) < 0, -n, n), 0)
-    seen = dr.select(hit, value, surroundings.radiance(around, raster.ray_through(view, lane), ~hit))
-    return reflector, mirror, dr.select(mirror, p, 0), mi.Normal3f(n), dr.select(mirror, 0, seen)
+    return reflector, mirror, dr.select(mirror, p, 0), mi.Normal3f(n), dr.select(mirror, 0, value)
 
 
 @frozen

@@ -40,6 +40,8 @@ def shown(scene) -> dict[str, dict]:
     records = {}
     for name in METHODS:
         method = plugins.discover("method")[name].target()
+        if method.refuses(scene) is not None:
+            continue  # as those of flat mirrors do
         records[name] = bench.show(0, name, method)[0]
     return records
 

@@ -105,6 +105,8 @@ def test_every_method_shows_what_it_shows_of_a_mirror_wound_rightly(turn):
     benches = [Bench(scene, SIZE, ReferenceOptions(spp=2), None, 0, (1, 1)) for scene in (right, wrong)]
     truth, mask = picture(SIZE)
     for name in METHODS:
+        if plugins.discover("method")[name].target().refuses(right) is not None:
+            continue  # as those of flat mirrors do
         (one, seen), (other, _) = (bench.show(0, name, plugins.discover("method")[name].target()) for bench in benches)
         assert other["flip"] == pytest.approx(one["flip"], abs=1e-6), name
         assert other["mask_diff_px"] <= 2

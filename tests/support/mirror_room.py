@@ -8,7 +8,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 import trimesh
-from support.small_room import box, sphere
+from support.small_room import box, quad, sphere
 
 from benchharness.api import Frame, Reflection
 from benchharness.render import reference
@@ -51,6 +51,14 @@ def balls() -> tuple[Object, ...]:
 
 def mirror_ball(name: str = "mirror", center=CENTRE, radius: float = RADIUS, fine: int = 96, **more) -> Reflector:
     return Reflector(name, sphere(radius, center, slices=fine, stacks=fine // 2), **more)
+
+
+def mirror_for(method) -> Reflector:
+    """A mirror ball, or a sheet in its place for a method that refuses it."""
+    ball = mirror_ball()
+    if method.refuses(Scene("ball", (), (ball,), still(), 1)) is None:
+        return ball
+    return Reflector("mirror", quad((-0.6, 0.0, -0.5), (1.2, 0.3, 0.1), (0.05, 0.2, 1.0)))
 
 
 def still(eye=EYE, target=CENTRE, fov_deg: float = 45.0):
