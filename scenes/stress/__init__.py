@@ -71,8 +71,8 @@ The regimes that show it, or where else it is tested, or why no method here can 
     P-02 skimming                      eye near the mirror's plane
     P-03 thin_box                      front and back exchanged
     P-04 curved_highlight, highlight   highlights of the wrong viewer
-    P-05 none: no camera is mirrored
-    P-06 none: no camera is mirrored
+    P-05 tests/methods/test_planar_mirror.py  oblique near plane: the sky, what is far, the other side
+    P-06 tests/methods/test_planar_mirror.py  how many pictures facing mirrors take
     P-07 frame_edge                    edge of a flat mirror
     P-08 around_slab                   eye behind a flat mirror
     P-09 skimming                      plane seen edge-on

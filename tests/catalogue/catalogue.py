@@ -14,7 +14,7 @@ from catalogue.catalogue_row import Elsewhere, Row
 
 from benchharness import platform
 
-NOT_HERE = {"I-20, 6.4": "distance impostors", "5.3, P-05": "oblique near planes"}  # no method of this project's
+NOT_HERE = {"I-20, 6.4": "distance impostors"}  # no method of this project's
 
 
 def table() -> list[Row | Elsewhere]:

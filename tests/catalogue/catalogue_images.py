@@ -96,6 +96,7 @@ HITS = {
 }
 OBJECT = "another object: balls with ripples, whose map is not the prototype's"
 CONTACT = "test_billboard_impostor.py::"
+PLANAR = "test_planar_mirror.py::"
 
 ROWS: list[Row | Elsewhere] = [
     Elsewhere("F-29", "ball of 0.3 touching at 50 degrees: polar angles, px", "27.0-52.9, 117-188", "27.0-52.9, 117-187",
@@ -127,6 +128,12 @@ ROWS: list[Row | Elsewhere] = [
         "3 - 2 sqrt 2 = 0.172: the prototype counted the rows alone, samples are lost as many again"),
     Elsewhere("I-18", "a plate loses its corners", "8.5 %", "17 %",
         "test_depthmap.py::test_a_plate_filling_the_map_loses_its_corners_at_45_degrees"),
+    Elsewhere("5.3, P-05", "pixels that an oblique plane cuts otherwise than a test of every fragment", "0 of 7543 points", "0",
+        f"{PLANAR}test_discard_and_oblique_are_exact_to_the_pixel_and_in_distance"),
+    Elsewhere("5.2, P-01", "share of a mirror's pixels that a near plane loses, leaning by 0, 20, 45, 60 degrees", "-",
+        "0.6, 2.7, 11.6, 19.9 %", f"{PLANAR}test_a_near_plane_loses_more_the_more_the_mirror_leans"),
+    Elsewhere("5.4, P-06", "pictures of 1, 2, 3 mirrors over 3 mirrors", "1, 6, 21", "1, 6, 21",
+        f"{PLANAR}test_there_are_as_many_pictures_as_sequences_of_mirrors"),
     Row("M-01", "exit status of flip-evaluator, HDR, two black pictures", "255", exit_code, 255, 255, "the library's"),
     Elsewhere("M-01", "we do not end", "-", "0",
         "test_metrics.py::test_two_black_images_have_no_error_and_do_not_end_the_process"),

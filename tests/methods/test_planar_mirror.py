@@ -240,7 +240,10 @@ def test_images_between_two_mirrors_are_at_every_second_distance(hall):
 
 
 def test_mirrors_show_as_many_mirrors_as_are_asked_for_and_the_last_is_black():
+    """Every side of the cube has a colour of its own: whichever way pictures are turned, fronts are shown."""
     made = facing(GOLD)
+    cube = made.objects[0]
+    made = replace(made, objects=(replace(cube, mesh=replace(cube.mesh, radiance=0.5 + 0.4 * cube.mesh.normals)),))
     methods = [PlanarMirror(depth=k) for k in (1, 2, 3)] + [PlanarMirror(clip="oblique", depth=3)]
     *answers, oblique = asked(made, *methods)
     for depth, answer in enumerate(answers, start=1):
