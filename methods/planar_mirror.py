@@ -74,13 +74,6 @@ class Picture:
     doubt: mi.Bool
 
 
-@dataclass
-class Drawn:
-    """Pictures drawn so far."""
-
-    count: int = 0
-
-
 @dataclass(frozen=True)
 class PlanarMirror(Method):
     """
@@ -140,12 +133,12 @@ class PlanarMirror(Method):
         return replace(state, world=world, planes=planes.placed(state.own, frame.poses, state.parts))
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
-        drawn, answer = Drawn(), _nothing(frame.view.width * frame.view.height)
+        renders, answer = 0, _nothing(frame.view.width * frame.view.height)
         for i in self._seen(state, frame.reflector, None):
-            picture = self._picture(state, frame.view, i, frame.reflector, self.depth, drawn)
-            answer = _beside(answer, picture, frame.reflector, state.numbers[i])
+            picture, count = self._picture(state, frame.view, i, frame.reflector, self.depth)
+            answer, renders = _beside(answer, picture, frame.reflector, state.numbers[i]), renders + count
         distance, found = _reached(answer, frame.p, frame.reflector, state.enclosed)
-        counters = {"renders": dr.opaque(mi.UInt32, drawn.count)}
+        counters = {"renders": dr.opaque(mi.UInt32, renders)}
         doubt = answer.doubt if frame.doubts else None
         return Reflection(answer.L, distance, found, counters=counters, doubt=doubt), state
 
@@ -155,9 +148,8 @@ class PlanarMirror(Method):
         pixels = list(_counted(reflector, count)) if self.cull else [1] * count
         return [i for i in range(count) if i != besides and pixels[i] > 0]
 
-    def _picture(self, state: State, view: View, i: int, reflector: mi.Int32, depth: int, drawn: Drawn) -> Picture:
-        """What mirror i shows where `reflector`, as seen by `view`, is i, over so many mirrors."""
-        drawn.count += 1
+    def _picture(self, state: State, view: View, i: int, reflector: mi.Int32, depth: int) -> tuple[Picture, int]:
+        """What mirror i shows where `reflector`, as seen by `view`, is i, over `depth` mirrors; how many pictures that took."""
         mirrored = planes.reflected(view, state.planes[i])
         cut = planes.cut(mirrored, state.planes[i], state.world, reflector == state.numbers[i], self.clip, self.near_at)
         odd = (self.depth - depth) % 2 == 0
@@ -173,11 +165,12 @@ class PlanarMirror(Method):
             order=cut.order,
         )
         picture = _looked_at(world, visibility, state.surroundings, mirrored, cut, state.parts[0])
-        if depth > 1:
-            for j in self._seen(state, picture.reflector, i):
-                deeper = self._picture(state, mirrored, j, picture.reflector, depth - 1, drawn)
-                picture = _through(picture, deeper, mirrored, state.planes[j], state.numbers[j], state.metals)
-        return picture
+        renders = 1
+        for j in self._seen(state, picture.reflector, i) if depth > 1 else ():
+            deeper, count = self._picture(state, mirrored, j, picture.reflector, depth - 1)
+            picture = _through(picture, deeper, mirrored, state.planes[j], state.numbers[j], state.metals)
+            renders += count
+        return picture, renders
 
 
 def _nothing(count: int) -> Picture:

@@ -121,6 +121,19 @@ def test_rescaled_vertices_go_without_bound_as_the_eye_comes_to_the_plane():
     assert far[1] < 0.01 and 0.3 < near[1] < nearest[1], (far, near, nearest)
 
 
+@pytest.mark.parametrize("away", [60.0, 4000.0])
+def test_from_far_away_depths_are_told_from_the_mirror_and_cut_it_there(away):
+    eye = away * np.array([0.15, -0.95, 0.2])
+    made = replace(tilted(30, behind=True, sky=True), camera=still(eye, (0.0, 0.0, 0.0), float(np.degrees(1.6 / away))))
+    truth = planar_oracle.followed(made, SIZE)
+    for answer in asked(made, DISCARD, OBLIQUE):
+        assert (
+            answer.active.sum() > 1000
+            and not (off(answer, truth.L) & truth.clear).any()
+            and off(answer, truth.L).sum() <= STRAY
+        )
+
+
 # Winding, highlights, the oblique plane's other side
 
 
