@@ -89,6 +89,15 @@ def test_a_near_plane_loses_more_the_more_the_mirror_leans(leaning):
     assert not any(off(leaning[degrees][5], leaning[degrees][0].L).any() for degrees in (0, 20, 60))
 
 
+def test_within_walls_nothing_is_found_where_nothing_is_shown(leaning):
+    lost = 0
+    for _, _, discard, *_, scaled in leaning.values():
+        assert discard.found[discard.active].all()
+        assert (scaled.found == np.isfinite(scaled.distance))[scaled.active].all()
+        lost += (scaled.active & ~scaled.found).sum()
+    assert lost > 0
+
+
 def test_a_near_plane_at_the_nearest_point_shows_what_is_behind_the_mirror(leaning):
     truth, _, discard, _, farthest, nearest, _ = leaning[45]
     wrong = off(nearest, truth.L)
@@ -196,16 +205,18 @@ def test_the_sky_and_what_is_far_are_behind_an_oblique_plane_too():
 
 
 def test_a_mirror_of_any_outline_ends_where_it_ends():
-    """P-07: an L with a corner cut off, and a frame with a hole, of one mesh."""
+    """P-07: an L and a triangle of one mesh, a millimetre before a wall."""
     parts = [quad((-0.8, 0, -0.6), (0.4, 0, 0), (0, 0, 1.1)), quad((-0.4, 0, -0.6), (1.0, 0, 0), (0, 0, 0.35)),
              Mesh(np.array([[0.2, 0, 0.1], [0.7, 0, 0.1], [0.7, 0, 0.7]]), np.array([[0, 1, 2]]))]  # fmt: skip
     mirror = Reflector("mirror", merged(*parts).transformed(pose("z", 20.0)))
+    wall = thing("wall", quad((-1.2, 0.001, -1.0), (2.4, 0, 0), (0, 0, 2.0)).transformed(pose("z", 20.0)), BLUE)
     made = scene(
-        [room(), thing("box", box((-0.5, -1.1, -0.4), (0.1, -0.7, 0.3)), GREEN)], [mirror], still((0.25, -1.9, 0.15)), 1
+        [room(), wall, thing("box", box((-0.5, -1.1, -0.4), (0.1, -0.7, 0.3)), GREEN)], [mirror], still((0.25, -1.9, 0.15)), 1
     )
     truth = planar_oracle.followed(made, SIZE)
     for answer in asked(made, DISCARD, OBLIQUE):
         agrees(answer, truth)
+        assert not (np.abs(answer.L - BLUE).max(axis=-1) < 0.05)[answer.active].any()
 
 
 def test_from_behind_a_sheet_shows_what_is_behind_it_and_on_edge_nothing():
@@ -295,6 +306,10 @@ def test_there_are_as_many_pictures_as_sequences_of_mirrors():
     assert counts[2][1::2] == [1, 3] and counts[3][1] == 3 and counts[3][3] < 21
     away = replace(tilted(20), camera=still((0, -1.9, 0), (0, -9, 0)))
     assert [renders(a) for a in asked(away, DISCARD, size=(48, 36))] == [0]
+    # Nor does one that the mirrored camera sees beside the outline of its mirror.
+    beside = sheet((0.2, 0.4), pose("z", 180, (1.0, -0.9, 0.0)), "beside")
+    aside = scene([room()], [sheet((0.15, 0.15)), beside], still((0, -1.5, 0), (0, 0, 0)), 1)
+    assert [renders(a) for a in asked(aside, PlanarMirror(depth=2), size=(48, 36))] == [1]
 
 
 def test_an_outer_cut_is_not_handed_on():
