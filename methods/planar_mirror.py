@@ -145,7 +145,7 @@ class PlanarMirror(Method):
     def _seen(self, state: State, reflector: mi.Int32, besides: int | None) -> list[int]:
         """The mirrors, `besides` aside, that a picture shows; all of them if nothing is culled. Waits for the device."""
         count = len(state.planes)
-        pixels = list(_counted(reflector, count)) if self.cull else [1] * count
+        pixels = list(_counted(reflector, count)) if self.cull and count > 0 else [1] * count
         return [i for i in range(count) if i != besides and pixels[i] > 0]
 
     def _picture(self, state: State, view: View, i: int, reflector: mi.Int32, depth: int) -> tuple[Picture, int]:
