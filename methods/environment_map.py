@@ -20,54 +20,24 @@ the next. The centre sees the points x + t r of the ray by angles |x - (x·r) r|
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import drjit as dr
 import mitsuba as mi
-import numpy as np
 from pydantic import Field
 
 from benchharness.api import Frame, Knob, Method, Reflection, View
-from benchharness.kernels import cubemap, differentials, geometry, optics, passage, selfmet, surroundings
+from benchharness.kernels import cubemap, differentials, optics, passage, selfmet
 from benchharness.kernels.differentials import FirstHits
 from benchharness.kernels.frozen import frozen
+from benchharness.kernels.images import probe
 from benchharness.kernels.pixels import WRONG_PX
 from benchharness.scene import Scene
 
 WAY = (0.4, 1.0, 2.5, 6.25)  # where a ray's way is looked at, in distances of its start from the centre
 SPAN = 0.6  # of the angle between a point of the way and the way's end: so far is the next point, 1 - 1 / 2.5
 COVER = 0.1  # share of a texel that what is near has to fill
-NEAR = 1e-3  # metres; what is nearer to the reflector's centre than this is inside the reflector
-
-
-@dataclass
-class Probe:
-    """A reflector's environment map, where it was taken, and the reflector's box, as `selfmet.away` has it."""
-
-    map: cubemap.Pyramid
-    place: mi.Point3f
-    box: list[mi.Vector4f]
-
-
-@dataclass
-class State:
-    """What is kept of a scene.
-
-    centres   middles of the reflectors' bounding boxes, in object space
-    halves    half of the boxes' sizes
-    near      NEAR on the device
-    probes    per reflector, in world space
-    enclosed  what `Scene.enclosed` says
-    """
-
-    geometry: geometry.Geometry
-    centres: list[mi.Point3f]
-    halves: list[mi.Vector3f]
-    surroundings: surroundings.Surroundings
-    near: mi.Float
-    probes: list[Probe]
-    enclosed: tuple[bool, ...]
 
 
 @dataclass(frozen=True)
@@ -98,61 +68,22 @@ class EnvironmentMap(Method):
         if self.resolution & (self.resolution - 1):
             raise ValueError(f"environment_map: resolution is {self.resolution}; accepted: a power of two, such as 256")
 
-    def prepare(self, scene: Scene) -> State:
-        centres, halves = [], []
-        for r in scene.reflectors:
-            v = (r.closed or r.mesh).vertices
-            centres.append(mi.Point3f((0.5 * (v.min(axis=0) + v.max(axis=0))).tolist()))
-            halves.append(mi.Vector3f(np.maximum(0.5 * np.ptp(v, axis=0), NEAR).tolist()))
-        near = mi.Float(NEAR)
-        dr.make_opaque(near, centres, halves)
-        return State(geometry.of_scene(scene), centres, halves, surroundings.of_scene(scene), near, [], scene.enclosed)
+    def prepare(self, scene: Scene) -> probe.State:
+        return probe.begun(scene)
 
-    def update(self, state: State, frame: Frame) -> State:
-        first = len(frame.poses) // 12 - len(state.centres)
-        world = geometry.placed(state.geometry, frame.poses)
-        probes = []
-        for i, (centre, half) in enumerate(zip(state.centres, state.halves, strict=True)):
-            part = dr.opaque(mi.UInt32, first + i)
-            place, box = _placed(frame.poses, part, centre, half)
-            levels = [_captured(world, part, place, state.near, state.surroundings, self.resolution)]
-            for n in cubemap.levels_of(self.resolution)[:-1] if self.mip else ():
-                levels.append(cubemap.coarser(levels[-1], n))
-            probes.append(Probe(cubemap.pyramid(levels, self.resolution), place, box))
-        return replace(state, probes=probes)
+    def update(self, state: probe.State, frame: Frame) -> probe.State:
+        return probe.updated(state, frame.poses, self.resolution, mip=self.mip)
 
-    def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
+    def shade(self, state: probe.State, frame: Frame) -> tuple[Reflection, probe.State]:
         hits = FirstHits(frame.p, frame.n, frame.reflector)
         L, distance, doubt = _looked_up(state.probes, frame.view, hits, frame.active, doubts=frame.doubts)
         found = frame.active & ~(passage.walled(state.enclosed, frame.reflector) & (distance == dr.inf))
         return Reflection(L, distance, found, doubt=doubt if frame.doubts else None), state
 
 
-def _placed(poses: mi.Float, part: mi.UInt32, centre: mi.Point3f, half: mi.Vector3f) -> tuple[mi.Point3f, list[mi.Vector4f]]:
-    """Where a part's centre is in the world, and the rows that take a point of the world to [-1, 1] across its box."""
-    rows = [dr.gather(mi.Vector4f, poses, part * 3 + k) for k in range(3)]
-    q = mi.Vector4f(centre.x, centre.y, centre.z, 1)
-    place = mi.Point3f(*(dr.dot(row, q) for row in rows))
-    axes = [mi.Vector3f(rows[0][j], rows[1][j], rows[2][j]) / half[j] for j in range(3)]
-    return place, [mi.Vector4f(axis.x, axis.y, axis.z, -dr.dot(axis, mi.Vector3f(place))) for axis in axes]
-
-
-def _captured(
-    triangles: geometry.Geometry,
-    part: mi.UInt32,
-    place: mi.Point3f,
-    near: mi.Float,
-    around: surroundings.Surroundings,
-    resolution: int,
-) -> mi.Float:
-    """The finest level of one reflector's map: everything but part number `part`, around its centre."""
-    owner = geometry.part_of(dr.gather(mi.Vector4u, triangles.faces, dr.arange(mi.UInt32, triangles.face_count)))
-    return cubemap.capture(triangles, owner != part, place, resolution, near, around)
-
-
 @frozen
 def _looked_up(
-    probes: list[Probe], view: View, hits: FirstHits, active: mi.Bool, *, doubts: bool
+    probes: list[probe.Probe], view: View, hits: FirstHits, active: mi.Bool, *, doubts: bool
 ) -> tuple[mi.Color3f, mi.Float, mi.Bool]:
     """Radiance, distance, and doubt if asked for, from the map of each pixel's reflector."""
     p, n = hits.p, hits.n
@@ -161,16 +92,13 @@ def _looked_up(
     differential, bends = differentials.of_reflected(hits, view, pixel, hits, r)
     turn = dr.maximum(*(dr.norm(dd) for dd in differential.dd))
     value, doubt = mi.Vector4f(0), mi.Bool(False)
-    for i, probe in enumerate(probes):
+    for i, taken in enumerate(probes):
         own = active & (hits.reflector == i)
-        level = mi.Float(0)
-        if probe.map.count > 1:
-            level = dr.maximum(dr.log2(dr.maximum(turn * (0.5 * probe.map.n), 1)), 0)
-        value = dr.select(own, cubemap.lookup_mip(probe.map, r, level, own), value)
+        value = dr.select(own, cubemap.lookup_mip(taken.map, r, probe.level(taken.map, turn), own), value)
         if not doubts:
             continue
-        doubt |= _misplaced(probe.map, mi.Vector3f(p - probe.place), r, value.w, WRONG_PX * turn, own)
-        doubt |= own & (value.w * selfmet.away(p, n, r, differential.dp, bends, probe.box, own) < 1)
+        doubt |= _misplaced(taken.map, mi.Vector3f(p - taken.place), r, value.w, WRONG_PX * turn, own)
+        doubt |= own & (value.w * selfmet.away(p, n, r, differential.dp, bends, taken.box, own) < 1)
     if doubts and len(probes) > 1:
         doubt |= active & (value.w > 0) & (dr.max(value.xyz) <= 0)
     distance = dr.select(active & (value.w <= 0), dr.inf, dr.rcp(dr.select(active, value.w, 1)))

@@ -135,12 +135,14 @@ class Pyramid:
     starts  first texel of each level
     n       texels per edge of a face of the finest
     count   how many levels there are
+    first   where the map begins, among others of its size in the same buffer, in texels
     """
 
     texels: mi.Float
     starts: mi.UInt32
     n: int
     count: int
+    first: mi.UInt32 | int = 0
 
 
 def pyramid(levels: list[mi.Float], n: int) -> Pyramid:
@@ -158,7 +160,7 @@ def lookup_mip(maps: Pyramid, d: mi.Vector3f, level: mi.Float, active: mi.Bool |
     lower = mi.UInt32(level)
     upper = dr.minimum(lower + 1, maps.count - 1)
     face, u, v = face_of(d)
-    first = [dr.gather(mi.UInt32, maps.starts, k, active) for k in (lower, upper)]
+    first = [dr.gather(mi.UInt32, maps.starts, k, active) + maps.first for k in (lower, upper)]
     one = _bilinear(maps.texels, face, u, v, mi.UInt32(n) >> lower, first[0], active)
     two = _bilinear(maps.texels, face, u, v, mi.UInt32(n) >> upper, first[1], active)
     return dr.lerp(one, two, level - mi.Float(lower))
@@ -170,7 +172,7 @@ def texel(maps: Pyramid, d: mi.Vector3f, level: mi.Float, active: mi.Bool | bool
     size = mi.UInt32(maps.n) >> nearest
     face, u, v = face_of(d)
     column, row = (dr.clip(mi.UInt32((c + 1) * (0.5 * mi.Float(size))), 0, size - 1) for c in (u, v))
-    first = dr.gather(mi.UInt32, maps.starts, nearest, active)
+    first = dr.gather(mi.UInt32, maps.starts, nearest, active) + maps.first
     return dr.gather(mi.Vector4f, maps.texels, first + (face * (size + 2) + row + 1) * (size + 2) + column + 1, active)
 
 
