@@ -10,7 +10,7 @@ Derived exceptions. A vertex may have several reflections where a mirror is not 
 depend on its start: then another true one is as good, and the picture of a scene that is turned may be another one. What a
 method ends with is as near to a root as the law that is left over says: |half vector - normal| by the least singular value of
 its derivative along the mirror, both in float64. Pictures within a method have texels, whose grid does not turn with the
-scene: its picture keeps within a pixel, but for few.
+scene: its picture keeps within a pixel, but for few. What has no walls has no axes: the box around it may turn otherwise.
 
 The first tier draws pairs: every regime, mildest and severest, with one method, and the methods take turns. Of those pairs,
 G3 has all whose method reports vertices, and "again", "renumbered" and "turned" have as many in a row as there are methods.
@@ -25,6 +25,7 @@ from support.known_reflections import VERTEXWISE
 from support.stress_rooms import METHODS, REGIMES, Law, Shown, any_motion, extremes, kept, laws, prepared, shown
 from support.tiers import exhaustive, in_turns, paired
 
+from benchharness.kernels.images import roombox
 from benchharness.kernels.vertices.mirrormesh import is_convex
 from benchharness.stability import altered
 from benchharness.study import params
@@ -39,6 +40,7 @@ SAME_COLOUR = 0.05  # radiance: a sixth of the checkered floor's contrast, which
 STRAY_PX = 0.01  # share of pixels that rounding decides: edges in a picture of edges
 TURNED_PX = 0.02  # share of pixels that texels decide, if their grid is turned
 ROUNDED = 1e-3  # radiance
+ROOMS = ("box_projection", "probe_blend")  # methods that fit a box around what surrounds a mirror
 CONVERGE = 0.8  # share of regimes whose mildest scene has vertices that converge
 
 methods = pytest.mark.parametrize("method", METHODS)
@@ -145,6 +147,8 @@ def test_turned_and_moved_everything_is_the_same(method, regime):
         pytest.skip("a panorama's texels do not turn")
     other = shown(method, regime, severity, "carried")
     assert other is not None
+    if method in ROOMS and not all(box.walled for box in roombox.around_mirrors(scene)):
+        pytest.skip("what surrounds the mirror has no walls")
     if all(boxed(r, any_motion()) if answer.vertices is None else convex(scene, i) for i, r in enumerate(scene.reflectors)):
         alike(answer, other)
     if answer.vertices is not None and other.vertices is not None:
