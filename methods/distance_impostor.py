@@ -129,8 +129,7 @@ def _looked_up(
             end = distancemap.iterate(probe.distances, of, iterations, own)
         d = distancemap.direction(of, end.spot)
         turn = _turn(differential, of, end.spot)
-        level = dr.log2(dr.maximum(turn * (0.5 * map.n), 1)) if map.count > 1 else mi.Float(0)
-        value = dr.select(own, cubemap.lookup_mip(map, d, level, own), value)
+        value = dr.select(own, centremap.far(map, d, turn, own), value)
         length = distancemap.length(of, end.spot)
         # At infinity where the map sees something: a ray that was lost, which shows what an environment map does.
         length = dr.select((length == dr.inf) & (value.w > 0), dr.rcp(dr.select(value.w > 0, value.w, 1)), length)

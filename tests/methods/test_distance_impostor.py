@@ -130,6 +130,7 @@ def test_rays_that_start_behind_what_is_seen_end_somewhere():
         assert not np.isnan(found).any() and (found > 0).all()
         np.testing.assert_allclose(found[[4, 5]], [2.0, 0.1], rtol=1e-4)  # as any other start
         assert found[2] < 0.01  # touching: where it starts
+        assert steps is not None or np.isinf(found[1])  # an iteration finds nothing: an environment map's answer
     assert found[1] == pytest.approx(4.5, rel=1e-4)  # a march comes out of the wall and goes to the other
 
 
@@ -217,6 +218,18 @@ def test_a_flat_mirror_whose_wall_is_all_that_its_middle_sees_beside_it_shows_th
         shaded(m, made, 0, renderer=renderer)[0] for m in (DistanceImpostor(), RayTraced(), EnvironmentMap())
     )
     assert answer.active.sum() > 300 and rms(answer, truth) < 0.4 * rms(rival, truth)
+
+
+def test_what_is_coarser_than_the_picture_or_not_closed_in_is_doubted(rooms):
+    """Eight texels per face of a picture with pixels of half a degree to the ball's middle; first guesses alone; one step."""
+    for method, less, most in (
+        (DistanceImpostor(resolution=8), 0.3, 1.0),
+        (DistanceImpostor(search="iterate", iterations=0), 0.05, 0.4),
+        (DistanceImpostor(steps=1), 0.02, 0.2),
+    ):
+        answer, truth, doubt = asked(rooms, "room", method)
+        wrong = answer.active & (np.abs(answer.L - truth.L).max(axis=2) > 0.1)
+        assert doubt[wrong].mean() > 0.7 and less < doubt[answer.active].mean() < most, method
 
 
 def test_two_mirrors_show_one_another_black_and_doubt_that():

@@ -56,9 +56,13 @@ def of_scene(scene: SceneLike) -> Middles:
 def taken(middles: Middles, poses: mi.Float, resolution: int, mip: bool) -> list[CentreMap]:
     """The maps of all mirrors where `poses` puts everything. poses: 12 floats per part, as `benchharness.api.Frame` has them.
 
-    resolution  texels per edge of a face, a power of two
+    resolution  texels per edge of a face, a power of two; 0 for the places and boxes alone, without maps
     mip         with all coarser levels; else the finest alone
     """
+    if resolution == 0:
+        parts = [dr.opaque(mi.UInt32, middles.first + i) for i in range(len(middles.centres))]
+        boxes = [_placed(poses, *of) for of in zip(parts, middles.centres, middles.halves, strict=True)]
+        return [CentreMap(cubemap.Pyramid(mi.Float(0), mi.UInt32(0), 0, 0), place, box) for place, box in boxes]
     world = geometry.placed(middles.geometry, poses)
     maps = []
     for i, (centre, half) in enumerate(zip(middles.centres, middles.halves, strict=True)):
@@ -70,6 +74,12 @@ def taken(middles: Middles, poses: mi.Float, resolution: int, mip: bool) -> list
             levels.append(cubemap.coarser(levels[-1], n))
         maps.append(CentreMap(cubemap.pyramid(levels, resolution), place, box))
     return maps
+
+
+def far(map: cubemap.Pyramid, r: mi.Vector3f, turn: mi.Float, active: mi.Bool) -> mi.Vector4f:
+    """Radiance and 1 / distance in direction r, as if all were infinitely far. turn: of r, from one pixel to the next."""
+    level = dr.log2(dr.maximum(turn * (0.5 * map.n), 1)) if map.count > 1 else mi.Float(0)
+    return cubemap.lookup_mip(map, r, level, active)
 
 
 def _placed(poses: mi.Float, part: mi.UInt32, centre: mi.Point3f, half: mi.Vector3f) -> tuple[mi.Point3f, list[mi.Vector4f]]:
