@@ -6,8 +6,9 @@ straight line across the screen; it meets the first pixel that it comes to be be
 
 Assumes that what is reflected is seen in the picture too. What is out of it, behind something, behind the eye, or turned
 away from it is not there: with `fallback = "environment"`, an environment map from the reflector's centre stands in; "none" has
-no answer. The frame tells no depth but the mirrors', so that `shade` draws the scene's depths once more. In
-the picture, mirrors are black to others; rays pass a reflector's own pixels. Highlights are those that the eye sees.
+no answer. The frame tells no depth but the mirrors', so that `shade` draws the scene's depths once more. In the picture,
+mirrors are black to others; rays pass a reflector's own pixels. Highlights are those that the eye sees. Colours are not
+averaged over a ray's footprint: what a curved mirror shows much smaller aliases.
 
 Counters: `screen_steps`, pixels or squares that were looked at; `on_screen`, 1 where the picture has an answer.
 

@@ -221,15 +221,16 @@ def test_a_flat_mirror_whose_wall_is_all_that_its_middle_sees_beside_it_shows_th
 
 
 def test_what_is_coarser_than_the_picture_or_not_closed_in_is_doubted(rooms):
-    """Eight texels per face of a picture with pixels of half a degree to the ball's middle; first guesses alone; one step."""
-    for method, less, most in (
-        (DistanceImpostor(resolution=8), 0.3, 1.0),
-        (DistanceImpostor(search="iterate", iterations=0), 0.05, 0.4),
-        (DistanceImpostor(steps=1), 0.02, 0.2),
+    """Eight texels per face of a picture with pixels of half a degree to the ball's middle; first guesses alone; few steps."""
+    for method, recall, less, most in (
+        (DistanceImpostor(resolution=8), 0.7, 0.3, 1.0),
+        (DistanceImpostor(search="iterate", iterations=0), 0.7, 0.05, 0.4),
+        (DistanceImpostor(steps=1), 0.7, 0.02, 0.2),
+        (DistanceImpostor(steps=2, iterations=0), 0.55, 0.04, 0.1),
     ):
         answer, truth, doubt = asked(rooms, "room", method)
         wrong = answer.active & (np.abs(answer.L - truth.L).max(axis=2) > 0.1)
-        assert doubt[wrong].mean() > 0.7 and less < doubt[answer.active].mean() < most, method
+        assert doubt[wrong].mean() > recall and less < doubt[answer.active].mean() < most, method
 
 
 def test_two_mirrors_show_one_another_black_and_doubt_that():
