@@ -35,7 +35,6 @@ Where we differ:
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal
 
@@ -49,7 +48,6 @@ from benchharness.kernels import optics, placement
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.vertices import (
     branches,
-    mirrormesh,
     problems,
     refinement,
     scenery,
@@ -57,13 +55,12 @@ from benchharness.kernels.vertices import (
     secant,
     several,
     sight,
-    starmap,
+    starmirror,
     textures,
     vertexwise,
     virtual,
 )
-from benchharness.kernels.vertices.mirrormesh import MirrorMesh
-from benchharness.scene import Mesh, Reflector, Scene
+from benchharness.scene import Scene
 
 WIDENING = 1.25  # of tan(fov / 2), of the mirror's picture whose planes "emdt_mirror" mirrors in
 FARTHEST = 4.0  # scene diagonals: longest distance that "screen_linear" tells apart
@@ -92,36 +89,10 @@ class Scale:
 
 
 @dataclass
-class Mirror:
-    """One reflector.
+class Mirror(starmirror.StarMirror):
+    """One reflector. `seeds`: where searches for several reflections may start, None where there is one at most."""
 
-    star   it as a function of direction
-    mesh   it as a mesh
-    sheet  what is seen of it, as a mesh; None if it is convex
-    seeds  where searches for several reflections may start, None where there is one at most
-    """
-
-    star: starmap.StarMap
-    mesh: MirrorMesh
-    sheet: MirrorMesh | None
     seeds: several.Seeds | None
-
-    @property
-    def seen(self) -> MirrorMesh:
-        """What is seen of it, as a mesh."""
-        return self.mesh if self.sheet is None else self.sheet
-
-
-@dataclass
-class Ends:
-    """Where the searches of a frame ended, per vertex: direction (3 floats), and whether it is worth starting from."""
-
-    u: mi.Float
-    warm: mi.Bool
-
-    @staticmethod
-    def cold(count: int) -> Ends:
-        return Ends(dr.zeros(mi.Float, 3 * count), dr.zeros(mi.Bool, count))
 
 
 @dataclass
@@ -204,23 +175,16 @@ class SecantTriangle(Method):
             )
 
     def refuses(self, scene: Scene) -> str | None:
-        for reflector in scene.reflectors:
-            try:
-                _star(reflector, self.resolution, starmap.check)
-            except starmap.NotStarShapedError as error:
-                return f"reflector {reflector.name}: {error}"
-        return None
+        return starmirror.refusal(scene.reflectors, self.resolution)
 
     def prepare(self, scene: Scene) -> State:
         mirrors, searched = [], []
         for reflector in scene.reflectors:
-            star, mesh = _star(reflector, self.resolution)
-            walked, seeds = mirrormesh.build(mesh.vertices, mesh.normals, mesh.faces, backs=reflector.closed is None), None
-            sheet = None if walked.convex else _sheet(reflector, mesh, walked)
-            if self.multi > 1 and not walked.convex:
+            (made, mesh), seeds = starmirror.of_reflector(reflector, self.resolution), None
+            if self.multi > 1 and not made.mesh.convex:
                 seeds = several.seeds(mesh.vertices, mesh.normals, mesh.faces, backs=reflector.closed is None)
             searched.append(mesh)
-            mirrors.append(Mirror(star, walked, sheet, seeds))
+            mirrors.append(Mirror(made.star, made.mesh, made.sheet, seeds))
         corners = np.concatenate([np.asarray(part.mesh.transformed(part.pose(0.0)).vertices) for part in scene.parts])
         d_max = dr.opaque(mi.Float, FARTHEST * float(np.linalg.norm(np.ptp(corners, axis=0))))
         seen = scenery.of_scene(scene, searched, self.resolve, self.lod_px, scenery.pixels(self.split_px, told=self.multi == 1))
@@ -235,7 +199,7 @@ class SecantTriangle(Method):
         policy = {"cut": "cut", "drop": "drop", "emdt_mirror": "keep", "clamp": "keep"}[self.hidden]
         drawing = virtual.Drawing(policy, self.depth)
 
-        def solve(i: int, problem: problems.Problem, last: Ends) -> vertexwise.Solved:
+        def solve(i: int, problem: problems.Problem, last: starmirror.Ends) -> vertexwise.Solved:
             mirror, pose, proxy = state.mirrors[i], problem.pose, frame.proxies[i]
             own = branches.meeting(i, mirror.seen, pose, self.self_reflection, frame.doubts)
             hider = sight.Shadow(mirror.mesh, pose)
@@ -251,7 +215,7 @@ class SecantTriangle(Method):
                 camera = textures.window(frame.view, frame.boxes[i], WIDENING).view
                 picture = textures.render(proxy, frame.poses, problem.part, camera)
 
-            def find(asked: problems.Problem, start: Ends) -> problems.Found:
+            def find(asked: problems.Problem, start: starmirror.Ends) -> problems.Found:
                 images, vertices, end, backtracks = _solve(asked, mirror, picture, start, scale, options)
                 return problems.Found(images, vertices, end, {"backtracks": backtracks})
 
@@ -262,7 +226,7 @@ class SecantTriangle(Method):
             state,
             frame,
             solve,
-            Ends.cold,
+            starmirror.Ends.cold,
             other_mirrors=self.other_mirrors,
             max_iter=self.max_iter,
             warm=self.warm,
@@ -270,29 +234,15 @@ class SecantTriangle(Method):
         )
 
 
-def _star(reflector: Reflector, resolution: int, make: Callable = starmap.build):
-    """The map of a reflector, or what else `make` makes of its mesh, and that mesh: its closed stand-in if that is star-shaped,
-    else the sheet."""
-    meshes = [mesh for mesh in (reflector.closed, reflector.mesh) if mesh is not None]
-    for mesh in meshes[:-1]:
-        try:
-            return make(mesh.vertices, mesh.normals, mesh.faces, resolution), mesh
-        except starmap.NotStarShapedError:
-            pass
-    mesh = meshes[-1]
-    return make(mesh.vertices, mesh.normals, mesh.faces, resolution), mesh
-
-
-def _sheet(reflector: Reflector, mesh: Mesh, walked: MirrorMesh) -> MirrorMesh:
-    """What is seen of a reflector; `walked` if that was made of it."""
-    sheet = reflector.mesh
-    return walked if mesh is sheet else mirrormesh.build(sheet.vertices, sheet.normals, sheet.faces, reflector.closed is None)
-
-
 @frozen
 def _solve(
-    problem: problems.Problem, mirror: Mirror, picture: textures.Texture | None, last: Ends, scale: Scale, options: Options
-) -> tuple[virtual.Images, Vertices, Ends, mi.UInt32]:
+    problem: problems.Problem,
+    mirror: Mirror,
+    picture: textures.Texture | None,
+    last: starmirror.Ends,
+    scale: Scale,
+    options: Options,
+) -> tuple[virtual.Images, Vertices, starmirror.Ends, mi.UInt32]:
     """Virtual vertices, what was found of each vertex, where the searches ended, and how often a sample came back."""
     star, mesh = mirror.star, mirror.mesh
     (lane, V, active), pose, view = problem.vertices(), problem.pose, problem.view
@@ -342,7 +292,7 @@ def _solve(
         flush=None if seen is None or not mesh.convex or options.hidden != "cut" else seen.touches,
     )
     answer.image = _image(answer, V, picture, view, scale.d_max, options)
-    end = Ends(dr.empty(mi.Float, 3 * problem.count), mi.Bool(reflected if free is None else reflected & free))
+    end = starmirror.Ends(dr.empty(mi.Float, 3 * problem.count), mi.Bool(reflected if free is None else reflected & free))
     dr.scatter(end.u, u, lane)
     return *problems.images_of(problem, answer), end, s.backtracks
 

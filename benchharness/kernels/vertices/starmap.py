@@ -106,9 +106,9 @@ def build(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, n: int) 
     return packed(np.where(covered, r, 1), gradient, covered, centre, side, n)
 
 
-def check(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, n: int) -> None:
-    """Raises NotStarShapedError exactly where `build` does, at less cost."""
-    _checked(vertices, normals, faces, n)
+def check(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, n: int) -> float:
+    """The map's `side`; raises NotStarShapedError exactly where `build` does, at less cost."""
+    return _checked(vertices, normals, faces, n)[-1]
 
 
 def _checked(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, n: int):
