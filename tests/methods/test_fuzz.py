@@ -16,7 +16,18 @@ import pytest
 from hypothesis import HealthCheck, Phase, assume, given, settings
 from hypothesis import strategies as st
 from support.hollow_shapes import Bowl, Ring, Sheet
-from support.known_reflections import FOV_DEG, METHODS, SIZE, VERTEXWISE, asked, points_of, reflected, reporting, world
+from support.known_reflections import (
+    FOV_DEG,
+    METHODS,
+    SEARCHING,
+    SIZE,
+    VERTEXWISE,
+    asked,
+    points_of,
+    reflected,
+    reporting,
+    world,
+)
 from support.mirror_room import scene
 from support.star_shapes import Bumpy, Ellipsoid
 from support.stress_rooms import law
@@ -76,7 +87,7 @@ def tiers(cases: int):
     return pytest.mark.parametrize("cases", [2, pytest.param(cases, marks=exhaustive)])
 
 
-@pytest.mark.parametrize("name", VERTEXWISE)
+@pytest.mark.parametrize("name", SEARCHING)
 @tiers(7)
 def test_of_a_convex_mirror_no_wrong_point_is_called_right(name, cases):
     def judge(half, direction, distance, seed) -> None:
@@ -93,7 +104,7 @@ def test_of_a_convex_mirror_no_wrong_point_is_called_right(name, cases):
     over(cases, judge, half=st.tuples(*[st.floats(0.5, 1.0)] * 3), direction=directions, distance=distances, seed=seeds)
 
 
-@pytest.mark.parametrize("name", VERTEXWISE)
+@pytest.mark.parametrize("name", SEARCHING)
 @tiers(4)
 def test_of_a_mirror_with_hollows_what_is_called_right_obeys_the_law(name, cases):
     def judge(eps, direction, distance, seed) -> None:
@@ -156,7 +167,7 @@ hollow_shapes = st.one_of(
 )
 
 
-@pytest.mark.parametrize("name", VERTEXWISE)
+@pytest.mark.parametrize("name", SEARCHING)
 @tiers(8)
 def test_of_a_mirror_with_several_reflections_one_of_them_is_called_right(name, cases):
     def judge(shape, tilt, turn, distance, seed) -> None:

@@ -13,7 +13,9 @@ from benchharness.scene import Mesh, Object, Reflector
 from benchharness.study import plugins
 
 METHODS = {name: plugin.target for name, plugin in plugins.discover("method").items()}
-VERTEXWISE = ("angle_iteration", "image_space_search", "newton", "secant_triangle")  # which report vertices; test_fuzz holds it to what they do
+# Those that may find a point wherever a vertex is.
+SEARCHING = ("angle_iteration", "image_space_search", "newton", "secant_triangle")
+VERTEXWISE = (*SEARCHING, "explosion_map")  # which report vertices; test_fuzz holds it to what they do
 COUNT = 24_000  # vertices of an example
 SIZE = (320, 240)
 FOV_DEG = 40.0

@@ -104,7 +104,7 @@ def of_scene(
         stock = drawlist.stock(scene, searched, "whole", splits=split_px > 0)
     enclosed = tuple(scene.enclosed)
     flat = tuple(split_px > 0 and bool(np.ptp(np.asarray(mesh.normals), axis=0).max() < FLAT) for mesh in searched)
-    bulges = tuple(split_px > 0 and _bulges(mesh) for mesh in searched)
+    bulges = tuple(split_px > 0 and nowhere_hollow(mesh) for mesh in searched)
     objects, still = len(scene.objects), mi.Float(np.tile(np.eye(3, 4).ravel(), len(scene.parts)))
     return Scenery(
         triangles=triangles,
@@ -129,7 +129,7 @@ def posed(seen: Scenery, frame: Frame) -> Scenery:
     return replace(seen, world=geometry.placed(seen.triangles, frame.poses))
 
 
-def _bulges(mesh: MeshLike) -> bool:
+def nowhere_hollow(mesh: MeshLike) -> bool:
     """Whether normals turn outwards along every edge of a mesh, but for rounding."""
     faces = np.asarray(mesh.faces)
     ends = np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)])

@@ -9,7 +9,7 @@ import mitsuba as mi
 
 from benchharness.kernels import optics, placement
 from benchharness.kernels.types import Vertices
-from benchharness.kernels.vertices import problems, search, sight, virtual
+from benchharness.kernels.vertices import problems, sight, virtual
 from benchharness.kernels.vertices.mirrormesh import MirrorMesh
 
 
@@ -20,6 +20,7 @@ class Ended:
     R, n        point of the mirror and unit normal
     searched    whether it was searched at all
     hidden      it was not, or what was found says that nothing reflects it; where it is reflected all the same, that counts
+    near        R is drawn if it has not converged and is not hidden
     converged   R is a reflection point
     residual    |half vector - normal| at R
     iterations  points looked at
@@ -29,6 +30,7 @@ class Ended:
     n: mi.Normal3f
     searched: mi.Bool
     hidden: mi.Bool
+    near: mi.Bool
     converged: mi.Bool
     residual: mi.Float
     iterations: mi.UInt32
@@ -50,7 +52,7 @@ def images_of(
     placed  "on_ray" of the eye, or in the "plane" of R and n, mirrored
     """
     (_, V, active), pose, view = problem.vertices(), problem.pose, problem.view
-    reflected = end.searched & (end.converged | (~end.hidden & (end.residual < search.STRAY)))
+    reflected = end.searched & (end.converged | (~end.hidden & end.near))
     hidden = active & end.hidden & ~reflected
     converged, free = end.converged, None
     if sheet is not None:
