@@ -22,7 +22,7 @@ Doubted:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 import drjit as dr
@@ -33,7 +33,7 @@ from benchharness.api import Frame, Knob, Method, Reflection, View
 from benchharness.kernels import cubemap, differentials, optics, passage, selfmet
 from benchharness.kernels.differentials import FirstHits, RayDifferential
 from benchharness.kernels.frozen import frozen
-from benchharness.kernels.images import centremap, distancemap
+from benchharness.kernels.images import distancemap, probe
 from benchharness.kernels.pixels import WRONG_PX
 from benchharness.scene import Scene
 
@@ -42,20 +42,11 @@ SURE = 1024  # steps of a march that says whether the first point was found; no 
 
 
 @dataclass
-class Probe:
-    """A reflector's map, and how far it sees."""
-
-    taken: centremap.CentreMap
-    distances: distancemap.DistanceMap
-
-
-@dataclass
 class State:
-    """What is kept of a scene. enclosed: what `Scene.enclosed` says."""
+    """The reflectors' maps, and how far each of them sees."""
 
-    middles: centremap.Middles
-    probes: list[Probe]
-    enclosed: tuple[bool, ...]
+    taken: probe.State
+    distances: list[distancemap.DistanceMap]
 
 
 @dataclass(frozen=True)
@@ -95,23 +86,32 @@ class DistanceImpostor(Method):
             raise ValueError(f"distance_impostor: resolution is {self.resolution}; accepted: a power of two, such as 256")
 
     def prepare(self, scene: Scene) -> State:
-        return State(centremap.of_scene(scene), [], scene.enclosed)
+        return State(probe.begun(scene), [])
 
     def update(self, state: State, frame: Frame) -> State:
-        maps = centremap.taken(state.middles, frame.poses, self.resolution, self.mip)
-        return replace(state, probes=[Probe(one, distancemap.of_map(one.map.texels, self.resolution)) for one in maps])
+        taken = probe.updated(state.taken, frame.poses, self.resolution, mip=self.mip)
+        return State(taken, [distancemap.of_map(one.map.texels, self.resolution) for one in taken.probes])
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         hits = FirstHits(frame.p, frame.n, frame.reflector)
         how = self.search, self.iterations, self.steps
-        L, distance, doubt = _looked_up(state.probes, frame.view, hits, frame.active, how, doubts=frame.doubts)
-        found = frame.active & ~(passage.walled(state.enclosed, frame.reflector) & (distance == dr.inf))
+        L, distance, doubt = _looked_up(
+            state.taken.probes, state.distances, frame.view, hits, frame.active, how, doubts=frame.doubts
+        )
+        found = frame.active & ~(passage.walled(state.taken.enclosed, frame.reflector) & (distance == dr.inf))
         return Reflection(L, distance, found, doubt=doubt if frame.doubts else None), state
 
 
 @frozen
 def _looked_up(
-    probes: list[Probe], view: View, hits: FirstHits, active: mi.Bool, how: tuple[Search, int, int], *, doubts: bool
+    probes: list[probe.Probe],
+    distances: list[distancemap.DistanceMap],
+    view: View,
+    hits: FirstHits,
+    active: mi.Bool,
+    how: tuple[Search, int, int],
+    *,
+    doubts: bool,
 ) -> tuple[mi.Color3f, mi.Float, mi.Bool]:
     """Radiance, distance, and doubt if asked for, from the map of each pixel's reflector. how: search, iterations, steps."""
     search, iterations, steps = how
@@ -120,16 +120,16 @@ def _looked_up(
     pixel = dr.arange(mi.UInt32, view.width * view.height)
     differential, bends = differentials.of_reflected(hits, view, pixel, hits, r)
     value, distance, doubt = mi.Vector4f(0), mi.Float(0), mi.Bool(False)
-    for i, probe in enumerate(probes):
-        own, map, box = active & (hits.reflector == i), probe.taken.map, probe.taken.box
-        of = distancemap.ray(mi.Vector3f(p - probe.taken.place), r)
+    for i, (taken, seen) in enumerate(zip(probes, distances, strict=True)):
+        own, map, box = active & (hits.reflector == i), taken.map, taken.box
+        of = distancemap.ray(mi.Vector3f(p - taken.place), r)
         if search == "march":
-            end = distancemap.march(probe.distances, of, steps, iterations, own)
+            end = distancemap.march(seen, of, steps, iterations, own)
         else:
-            end = distancemap.iterate(probe.distances, of, iterations, own)
+            end = distancemap.iterate(seen, of, iterations, own)
         d = distancemap.direction(of, end.spot)
         turn = _turn(differential, of, end.spot)
-        value = dr.select(own, centremap.far(map, d, turn, own), value)
+        value = dr.select(own, probe.far(map, d, turn, own), value)
         length = distancemap.length(of, end.spot)
         # At infinity where the map sees something: a ray that was lost, which shows what an environment map does.
         length = dr.select((length == dr.inf) & (value.w > 0), dr.rcp(dr.select(value.w > 0, value.w, 1)), length)
@@ -137,14 +137,14 @@ def _looked_up(
         if not doubts:
             continue
         doubt |= end.hidden | (own & (_beside(differential, of, end.spot) > WRONG_PX))
-        doubt |= own & distancemap.is_edge(probe.distances, d, own)
+        doubt |= own & distancemap.is_edge(seen, d, own)
         doubt |= own & (distance > selfmet.away(p, n, r, differential.dp, bends, box, own))
         doubt |= own & (WRONG_PX * turn * map.n < 1)
         if len(probes) > 1:
             sharp = cubemap.lookup_mip(map, d, mi.Float(0), own)
             doubt |= own & (sharp.w > 0) & (dr.max(sharp.xyz) <= 0)
         if search == "iterate" or steps < SURE:
-            first = distancemap.march(probe.distances, of, SURE, iterations, own)
+            first = distancemap.march(seen, of, SURE, iterations, own)
             apart = dr.norm(dr.normalize(distancemap.direction(of, first.spot)) - dr.normalize(d))
             doubt |= own & (apart > WRONG_PX * dr.maximum(turn, _turn(differential, of, first.spot)))
     return mi.Color3f(value.x, value.y, value.z), distance, doubt

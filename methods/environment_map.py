@@ -94,7 +94,7 @@ def _looked_up(
     value, doubt = mi.Vector4f(0), mi.Bool(False)
     for i, taken in enumerate(probes):
         own = active & (hits.reflector == i)
-        value = dr.select(own, cubemap.lookup_mip(taken.map, r, probe.level(taken.map, turn), own), value)
+        value = dr.select(own, probe.far(taken.map, r, turn, own), value)
         if not doubts:
             continue
         doubt |= _misplaced(taken.map, mi.Vector3f(p - taken.place), r, value.w, WRONG_PX * turn, own)

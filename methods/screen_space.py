@@ -33,7 +33,7 @@ from benchharness.api import Frame, Knob, Method, Reflection, View
 from benchharness.kernels import differentials, geometry, optics, passage, selfmet, surroundings
 from benchharness.kernels.differentials import FirstHits
 from benchharness.kernels.frozen import frozen
-from benchharness.kernels.images import centremap, screen
+from benchharness.kernels.images import probe, screen
 from benchharness.scene import Scene
 
 Fallback = Literal["environment", "none"]
@@ -45,17 +45,14 @@ class State:
     """What is kept of a scene.
 
     world      its triangles in world space; None before the first update
-    maps       per reflector, for the fallback, and for its box
+    taken      per reflector a map, for the fallback, and its box
     thickness, max_steps  as of the method, in units of length
-    enclosed   what `Scene.enclosed` says
     """
 
-    middles: centremap.Middles
     world: geometry.Geometry | None
-    maps: list[centremap.CentreMap]
+    taken: probe.State
     thickness: mi.Float
     max_steps: mi.UInt32
-    enclosed: tuple[bool, ...]
 
 
 @dataclass
@@ -112,12 +109,14 @@ class ScreenSpace(Method):
     def prepare(self, scene: Scene) -> State:
         thickness = dr.opaque(mi.Float, self.thickness / scene.unit)
         max_steps = dr.opaque(mi.UInt32, self.max_steps)
-        return State(centremap.of_scene(scene), None, [], thickness, max_steps, scene.enclosed)
+        return State(None, probe.begun(scene), thickness, max_steps)
 
     def update(self, state: State, frame: Frame) -> State:
-        resolution = self.resolution if self.fallback == "environment" else 0
-        maps = centremap.taken(state.middles, frame.poses, resolution, mip=True)
-        return replace(state, world=geometry.placed(state.middles.geometry, frame.poses), maps=maps)
+        if self.fallback == "environment":
+            taken = probe.updated(state.taken, frame.poses, self.resolution, mip=True)
+        else:
+            taken = probe.without_maps(state.taken, frame.poses)
+        return replace(state, world=geometry.placed(taken.geometry, frame.poses), taken=taken)
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         assert state.world is not None
@@ -125,8 +124,8 @@ class ScreenSpace(Method):
         hits = FirstHits(frame.p, frame.n, frame.reflector)
         asked = Asked(self.march, self.bisections, self.fallback, frame.doubts)
         reach = Reach(state.thickness, state.max_steps)
-        answer = _reflected(seen, state.maps, state.middles.around, frame.view, hits, frame.active, reach, asked)
-        found = answer.found & ~(passage.walled(state.enclosed, frame.reflector) & (answer.distance == dr.inf))
+        answer = _reflected(seen, state.taken.probes, state.taken.surroundings, frame.view, hits, frame.active, reach, asked)
+        found = answer.found & ~(passage.walled(state.taken.enclosed, frame.reflector) & (answer.distance == dr.inf))
         counters = {"screen_steps": answer.steps, "on_screen": mi.UInt32(dr.select(answer.met, 1, 0))}
         doubt = answer.doubt if frame.doubts else None
         return Reflection(answer.L, answer.distance, found, counters=counters, doubt=doubt), state
@@ -147,7 +146,7 @@ class Answer:
 @frozen
 def _reflected(
     seen: screen.Screen,
-    maps: list[centremap.CentreMap],
+    maps: list[probe.Probe],
     around: surroundings.Surroundings,
     view: View,
     hits: FirstHits,
@@ -181,7 +180,7 @@ def _reflected(
     for i, one in enumerate(maps):
         own = active & (hits.reflector == i)
         if asked.fallback == "environment":
-            value = dr.select(own & ~found, centremap.far(one.map, r, turn, own & ~found), value)
+            value = dr.select(own & ~found, probe.far(one.map, r, turn, own & ~found), value)
         if asked.doubts:
             doubt |= own & found & (distance > selfmet.away(p, n, r, differential.dp, bends, one.box, own))
     if asked.doubts:

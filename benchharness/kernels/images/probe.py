@@ -6,6 +6,7 @@ Greene 1986). Whoever looks it up says in which direction.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import drjit as dr
@@ -61,15 +62,26 @@ def begun(scene: SceneLike) -> State:
 
 def updated(state: State, poses: mi.Float, resolution: int, *, mip: bool) -> State:
     """The maps of all reflectors where `poses` puts them, `resolution` texels per edge of a face."""
-    first = dr.width(poses) // 12 - len(state.centres)
     world = geometry.placed(state.geometry, poses)
     probes = []
-    for i, (centre, half) in enumerate(zip(state.centres, state.halves, strict=True)):
-        part = dr.opaque(mi.UInt32, first + i)
-        place, box = placed(poses, part, centre, half)
+    for part, place, box in _boxes(state, poses):
         texels = cubemap.capture(world, owners(world) != part, place, resolution, state.near, state.surroundings)
         probes.append(Probe(pyramid(texels, resolution, mip=mip), place, box))
     return replace(state, probes=probes)
+
+
+def without_maps(state: State, poses: mi.Float) -> State:
+    """The places and boxes of all reflectors alone."""
+    none = cubemap.Pyramid(mi.Float(0), mi.UInt32(0), 0, 0)
+    return replace(state, probes=[Probe(none, place, box) for _, place, box in _boxes(state, poses)])
+
+
+def _boxes(state: State, poses: mi.Float) -> Iterator[tuple[mi.UInt32, mi.Point3f, list[mi.Vector4f]]]:
+    """The part of every reflector, and what `placed` says of it."""
+    first = dr.width(poses) // 12 - len(state.centres)
+    for i, (centre, half) in enumerate(zip(state.centres, state.halves, strict=True)):
+        part = dr.opaque(mi.UInt32, first + i)
+        yield part, *placed(poses, part, centre, half)
 
 
 def placed(poses: mi.Float, part: mi.UInt32, centre: mi.Point3f, half: mi.Vector3f) -> tuple[mi.Point3f, list[mi.Vector4f]]:
@@ -99,3 +111,8 @@ def level(map: cubemap.Pyramid, turn: mi.Float) -> mi.Float:
     if map.count == 1:
         return mi.Float(0)
     return dr.maximum(dr.log2(dr.maximum(turn * (0.5 * map.n), 1)), 0)
+
+
+def far(map: cubemap.Pyramid, r: mi.Vector3f, turn: mi.Float, active: mi.Bool) -> mi.Vector4f:
+    """Radiance and 1 / distance in direction r, as if all were infinitely far. turn: of r, from one pixel to the next."""
+    return cubemap.lookup_mip(map, r, level(map, turn), active)
