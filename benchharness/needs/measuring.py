@@ -99,15 +99,11 @@ class Bench:
             "frame_ms": ms,
         }
 
-    def error(self, scene: Scene, method: Method) -> Error | None:
-        """The error of cold frames; None for what a method refuses or fails in."""
-        if contract.refusal(method, scene) is not None:
-            return None
-        try:
+    def error(self, scene: Scene, method: Method) -> Error:
+        """The error of cold frames. Raises Unanswered for what a method refuses or fails in."""
+        with _answering(method, scene):
             shown = self._shown(scene, method, {}, warm=False)
             return error_of(shown.maps, shown.masks)
-        except Exception:  # whatever a method may raise; `measured` says what
-            return None
 
     def _shown(self, scene: Scene, method: Method, more: dict, *, warm: bool = True) -> _Shown:
         """`warm`: whether frames have a run-up, and so something to start from."""

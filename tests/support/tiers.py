@@ -1,4 +1,5 @@
-"""Which parameters of a test are in the first tier, `make test`; the others are marked `exhaustive`, for `make test-all`.
+"""Which parameters of a test are in the first tier, `make test`; the others are marked `exhaustive`, for `make test-rest`. Of
+pairs, which are many, some of these are marked `complete`, too, and left to `make test-all`.
 
 What is in the first tier depends on nothing but the order of the parameters: it is the same on every machine and in every run.
 """
@@ -10,6 +11,7 @@ from collections.abc import Iterable, Sequence
 import pytest
 
 exhaustive = pytest.mark.exhaustive
+complete = pytest.mark.complete
 
 
 def first(values: Iterable, chosen: Iterable) -> list:
@@ -30,10 +32,12 @@ def in_turns(ones: Iterable[str], others: Sequence[str]) -> list[tuple[str, str]
 
 
 def paired(ones: Iterable[str], others: Iterable[str], drawn: Iterable[tuple[str, str]]) -> list:
-    """All pairs of two lists of names as parameters; all but those drawn are exhaustive."""
+    """All pairs of two lists of names as parameters; all but those drawn are exhaustive, and of these all but every fourth,
+    so that each name meets a fourth of the others, complete."""
     others, drawn = list(others), set(drawn)
-    return [
-        pytest.param(one, other, id=f"{one}-{other}", marks=() if (one, other) in drawn else exhaustive)
-        for one in ones
-        for other in others
-    ]
+    made = []
+    for i, one in enumerate(ones):
+        for k, other in enumerate(others):
+            marks = () if (one, other) in drawn else (exhaustive,) if (i + k) % 4 == 0 else (exhaustive, complete)
+            made.append(pytest.param(one, other, id=f"{one}-{other}", marks=marks))
+    return made
