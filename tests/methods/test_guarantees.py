@@ -39,6 +39,7 @@ MOVED = 1e-4  # of the mirror's size: R after a rigid motion
 SAME_COLOUR = 0.05  # radiance: a sixth of the checkered floor's contrast, which texels blend otherwise if they are turned
 STRAY_PX = 0.01  # share of pixels that rounding decides: edges in a picture of edges
 TURNED_PX = 0.02  # share of pixels that texels decide, if their grid is turned
+SKINS_PX = {"distance_impostor": 0.04}  # the same, where a map's single layer sees thin things edge-on: skins a texel wide
 ROUNDED = 1e-3  # radiance
 ROOMS = ("box_projection", "probe_blend")  # methods that fit a box around what surrounds a mirror
 CONVERGE = 0.8  # share of regimes whose mildest scene has vertices that converge
@@ -150,7 +151,7 @@ def test_turned_and_moved_everything_is_the_same(method, regime):
     if method in ROOMS and not all(box.walled for box in roombox.around_mirrors(scene)):
         pytest.skip("what surrounds the mirror has no walls")
     if all(boxed(r, any_motion()) if answer.vertices is None else convex(scene, i) for i, r in enumerate(scene.reflectors)):
-        alike(answer, other)
+        alike(answer, other, SKINS_PX.get(method, TURNED_PX))
     if answer.vertices is not None and other.vertices is not None:
         pose = any_motion()
         back = other.vertices | {"R": (other.vertices["R"] - pose[:3, 3]) @ pose[:3, :3]}
@@ -202,11 +203,11 @@ def convex(scene, mirror: int) -> bool:
     return is_convex(mesh.vertices, mesh.faces)
 
 
-def alike(one: Shown, other: Shown) -> None:
+def alike(one: Shown, other: Shown, share: float) -> None:
     """Every pixel's colour lies among those of the other picture's pixels around it, and the other way round, but for few."""
     common = one.active & other.active
     assert (one.active != other.active).sum() <= TURNED_PX * common.sum() + 2
     for a, b in ((one.L, other.L), (other.L, one.L)):
         low, high = (f(b, (3, 3, 1)) for f in (minimum_filter, maximum_filter))
         outside = ((a < low - SAME_COLOUR) | (a > high + SAME_COLOUR)).any(axis=2) & common
-        assert outside.sum() <= TURNED_PX * common.sum() + 2
+        assert outside.sum() <= share * common.sum() + 2
