@@ -40,6 +40,7 @@ SAME_COLOUR = 0.05  # radiance: a sixth of the checkered floor's contrast, which
 STRAY_PX = 0.01  # share of pixels that rounding decides: edges in a picture of edges
 TURNED_PX = 0.02  # share of pixels that texels decide, if their grid is turned
 SKINS_PX = {"distance_impostor": 0.04}  # the same, where a map's single layer sees thin things edge-on: skins a texel wide
+LOOKED_UP = 0.9  # share of converged vertices that still are, for what is looked up in a map whose grid does not turn
 ROUNDED = 1e-3  # radiance
 ROOMS = ("box_projection", "probe_blend")  # methods that fit a box around what surrounds a mirror
 CONVERGE = 0.8  # share of regimes whose mildest scene has vertices that converge
@@ -137,7 +138,7 @@ def test_numbered_otherwise_everything_is_the_same_but_for_rounding(method, regi
     if answer.vertices is not None and other.vertices is not None:
         scene = prepared(regime, severity)[0]
         now_at = np.argsort(altered.renumbered(scene)[1])
-        same_roots(regime, scene, answer.vertices, {k: v[:, now_at] for k, v in other.vertices.items()})
+        same_roots(regime, scene, answer.vertices, {k: v[:, now_at] for k, v in other.vertices.items()}, 0.97)
 
 
 @pairs(METHODS, DRAWN[-len(METHODS) :])
@@ -155,7 +156,7 @@ def test_turned_and_moved_everything_is_the_same(method, regime):
     if answer.vertices is not None and other.vertices is not None:
         pose = any_motion()
         back = other.vertices | {"R": (other.vertices["R"] - pose[:3, 3]) @ pose[:3, :3]}
-        same_roots(regime, scene, answer.vertices, back)
+        same_roots(regime, scene, answer.vertices, back, 0.97 if method in SEARCHING else LOOKED_UP)
 
 
 def obeyed(law: Law) -> np.ndarray:
@@ -167,9 +168,9 @@ def size_of(scene, mirror: int) -> float:
     return float(np.linalg.norm(np.ptp((reflector.closed or reflector.mesh).vertices, axis=0)))
 
 
-def same_roots(regime: str, scene, one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> None:
-    """Of vertices that both call converged: the same points, as near as what is left of the law allows; where the mirror is
-    not convex, other roots too."""
+def same_roots(regime: str, scene, one: dict[str, np.ndarray], other: dict[str, np.ndarray], both: float) -> None:
+    """Of vertices that both call converged, at least the share `both` of those that one of them does: the same points, as near
+    as what is left of the law allows; where the mirror is not convex, other roots too."""
     time = time_of(regime, scene)
     first, second = ({i: (chosen, law) for i, chosen, law in laws(scene, v, time)} for v in (one, other))
     assert first.keys() == second.keys()
@@ -177,7 +178,7 @@ def same_roots(regime: str, scene, one: dict[str, np.ndarray], other: dict[str, 
         others, other_law = second[mirror]
         common, a, b = np.intersect1d(chosen, others, return_indices=True)
         # What one calls converged and the other does not lies at the outline or at a focus.
-        assert len(common) >= 0.97 * max(len(chosen), len(others)) or not convex(scene, mirror)
+        assert len(common) >= both * max(len(chosen), len(others)) or not convex(scene, mirror)
         apart = np.linalg.norm(one["R"][mirror, common] - other["R"][mirror, common].astype(float), axis=1)
         allowed = 2 * (law.off[a] + other_law.off[b]) / np.minimum(law.least[a], other_law.least[b])
         allowed += MOVED * size_of(scene, mirror) + (law.height[a] + other_law.height[b])

@@ -11,6 +11,8 @@ point. Were the proxy the scene, it would lie on the ray. Doubted:
 * The mirror itself is likely met before (`kernels.selfmet`).
 * In a scene of several mirrors, what is black: in the map the others are, and nothing that is lit.
 
+Where both the direction that is looked up and the ray's own show the surroundings, those of the ray's own are shown.
+
 All is divided by D, so that the surroundings at infinity are a case like the others. Those of one colour are nowhere misplaced.
 """
 
@@ -64,7 +66,9 @@ def looked_up(
         x = mi.Vector3f(p - taken.place)
         d = proxy.towards(x, r, proxy.reach(own_proxy, p, r, taken.place))
         turn = turned(own_proxy, p, r, d, differential, taken.place)
-        value = cubemap.lookup_mip(taken.map, d, probe.level(taken.map, turn), own)
+        value, d = sky_is_far(
+            taken.map, cubemap.lookup_mip(taken.map, d, probe.level(taken.map, turn), own), r, d, differential, own
+        )
         away = shown_at(x, d, value.w)
         L = dr.select(own, mi.Color3f(value.x, value.y, value.z), L)
         distance = dr.select(own, away, distance)
@@ -87,6 +91,17 @@ def turned(
         there = proxy.towards(mi.Vector3f(q - centre), s, proxy.reach(own, q, s, centre))
         turn = dr.maximum(turn, dr.norm(there - d))
     return turn
+
+
+def sky_is_far(
+    map: cubemap.Pyramid, value: mi.Vector4f, r: mi.Vector3f, d: mi.Vector3f, differential: RayDifferential, active: mi.Bool
+) -> tuple[mi.Vector4f, mi.Vector3f]:
+    """What is shown, and the direction that it is looked up in: r, where both d, whose `value` this is, and r show the
+    surroundings. No proxy is as far away as they are."""
+    sky = active & (value.w <= 0)
+    far = probe.far(map, r, dr.maximum(*(dr.norm(dd) for dd in differential.dd)), sky)
+    sky &= far.w <= 0
+    return dr.select(sky, far, value), dr.select(sky, r, d)
 
 
 def shown_at(x: mi.Vector3f, d: mi.Vector3f, inverse: mi.Float) -> mi.Float:

@@ -259,6 +259,7 @@ def _blended(
             turn = dr.select(last, dr.maximum(*(dr.norm(dd) for dd in differential.dd)), turn)
             map = replace(maps, first=number * stride)
             value = cubemap.lookup_mip(map, d, probe.level(maps, turn), shown)
+            value, d = parallax.sky_is_far(map, value, r, d, differential, shown)
             L += share * mi.Color3f(value.x, value.y, value.z)
             away = parallax.shown_at(x, d, value.w)
             larger = (value.w > 0) & (share > most)
