@@ -30,7 +30,7 @@ import mitsuba as mi
 from pydantic import Field
 
 from benchharness.api import Frame, Knob, Method, Reflection, View
-from benchharness.kernels import cubemap, differentials, optics, passage, selfmet
+from benchharness.kernels import cubemap, differentials, passage, selfmet
 from benchharness.kernels.differentials import FirstHits, RayDifferential
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.images import distancemap, probe
@@ -116,9 +116,7 @@ def _looked_up(
     """Radiance, distance, and doubt if asked for, from the map of each pixel's reflector. how: search, iterations, steps."""
     search, iterations, steps = how
     p, n = hits.p, hits.n
-    r = optics.reflect(dr.normalize(view.eye - p), n)
-    pixel = dr.arange(mi.UInt32, view.width * view.height)
-    differential, bends = differentials.of_reflected(hits, view, pixel, hits, r)
+    r, differential, bends = differentials.reflected(hits, view)
     value, distance, doubt = mi.Vector4f(0), mi.Float(0), mi.Bool(False)
     for i, (taken, seen) in enumerate(zip(probes, distances, strict=True)):
         own, map, box = active & (hits.reflector == i), taken.map, taken.box

@@ -28,7 +28,7 @@ import mitsuba as mi
 from pydantic import Field
 
 from benchharness.api import Frame, Knob, Method, Reflection, View
-from benchharness.kernels import cubemap, differentials, optics, passage, selfmet
+from benchharness.kernels import cubemap, differentials, passage, selfmet
 from benchharness.kernels.differentials import FirstHits
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.images import probe
@@ -87,10 +87,8 @@ def _looked_up(
 ) -> tuple[mi.Color3f, mi.Float, mi.Bool]:
     """Radiance, distance, and doubt if asked for, from the map of each pixel's reflector."""
     p, n = hits.p, hits.n
-    r = optics.reflect(dr.normalize(view.eye - p), n)
-    pixel = dr.arange(mi.UInt32, view.width * view.height)
-    differential, bends = differentials.of_reflected(hits, view, pixel, hits, r)
-    turn = dr.maximum(*(dr.norm(dd) for dd in differential.dd))
+    r, differential, bends = differentials.reflected(hits, view)
+    turn = differential.turn
     value, doubt = mi.Vector4f(0), mi.Bool(False)
     for i, taken in enumerate(probes):
         own = active & (hits.reflector == i)

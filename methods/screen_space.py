@@ -175,7 +175,7 @@ def _reflected(
     distance = dr.select(sky, dr.inf, dr.maximum(line.length(tau), SHORTEST))
 
     differential, bends = differentials.of_reflected(hits, view, pixel, hits, r)
-    turn = dr.maximum(*(dr.norm(dd) for dd in differential.dd))
+    turn = differential.turn
     value, doubt = mi.Vector4f(0), mi.Bool(False)
     for i, one in enumerate(maps):
         own = active & (hits.reflector == i)

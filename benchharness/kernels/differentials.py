@@ -44,6 +44,11 @@ class RayDifferential:
         """Metres between neighbouring rays after t metres, the smaller of the two: what is drawn out stays sharp."""
         return dr.minimum(*(dr.norm(dp + t * dd) for dp, dd in zip(self.dp, self.dd, strict=True)))
 
+    @property
+    def turn(self) -> mi.Float:
+        """By how much the direction turns from one pixel to the next, radians, the larger of two."""
+        return dr.maximum(*(dr.norm(dd) for dd in self.dd))
+
     def pixels(self, t: mi.Float, e: mi.Vector3f) -> mi.Float:
         """How many pixels away the ray is that passes e, metres across, beside this one after t metres: least squares.
 
@@ -55,6 +60,12 @@ class RayDifferential:
         scale = dr.rcp(dr.select(both, determinant, 1))
         two = dr.sqrt(dr.square((vv * ue - uv * ve) * scale) + dr.square((uu * ve - uv * ue) * scale))
         return dr.select(both, two, dr.norm(e) / dr.sqrt(dr.maximum(uu, vv)))
+
+
+def reflected(hits: FirstHits, view: View) -> tuple[mi.Vector3f, RayDifferential, list[mi.Vector3f]]:
+    """The mirror direction at every pixel's hit, and what `of_reflected` says of it."""
+    r = optics.reflect(dr.normalize(view.eye - hits.p), hits.n)
+    return r, *of_reflected(hits, view, dr.arange(mi.UInt32, view.width * view.height), hits, r)
 
 
 def of_reflected(

@@ -41,7 +41,7 @@ def test_the_scene_says_what_was_asked_for_and_anything_else_is_refused_by_name(
         assert scene.source == {"detail": detail, "base_vertices": scene.vertices}
         assert fewest < scene.vertices < most and all(o.shows for o in scene.objects)
     with pytest.raises(ValueError, match="mirrors: detail is 'rich'; accepted: lean, paper"):
-        mirrors("rich")  # type: ignore[arg-type]
+        mirrors("rich")
     again = pickle.loads(pickle.dumps(built()))
     assert again.camera(1.0) == built().camera(1.0)
 

@@ -21,7 +21,7 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import cubemap, differentials, optics, selfmet
+from benchharness.kernels import cubemap, differentials, selfmet
 from benchharness.kernels.differentials import FirstHits, RayDifferential
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.images import probe, proxy
@@ -57,9 +57,7 @@ def looked_up(
     plain  the surroundings are the same in all directions
     """
     p, n = hits.p, hits.n
-    r = optics.reflect(dr.normalize(view.eye - p), n)
-    pixel = dr.arange(mi.UInt32, view.width * view.height)
-    differential, bends = differentials.of_reflected(hits, view, pixel, hits, r)
+    r, differential, bends = differentials.reflected(hits, view)
     L, distance, doubt = mi.Color3f(0), mi.Float(0), mi.Bool(False)
     for i, (taken, own_proxy) in enumerate(zip(probes, proxies, strict=True)):
         own = active & (hits.reflector == i)
@@ -99,7 +97,7 @@ def sky_is_far(
     """What is shown, and the direction that it is looked up in: r, where both d, whose `value` this is, and r show the
     surroundings. No proxy is as far away as they are."""
     sky = active & (value.w <= 0)
-    far = probe.far(map, r, dr.maximum(*(dr.norm(dd) for dd in differential.dd)), sky)
+    far = probe.far(map, r, differential.turn, sky)
     sky &= far.w <= 0
     return dr.select(sky, far, value), dr.select(sky, r, d)
 
@@ -139,7 +137,7 @@ def misplaced(
     level = dr.log2(dr.maximum(dr.norm(x / a - d) * (0.5 / STEPS) * map.n, 1))
     least, apart = (
         dr.select(sky, COVER, NEARER),
-        dr.select(sky, WRONG_PX * dr.maximum(*(dr.norm(dd) for dd in differential.dd)), -1),
+        dr.select(sky, WRONG_PX * differential.turn, -1),
     )
     k, searched = mi.UInt32(1), active & ~off
     while dr.hint(searched & ~off & (k < STEPS), label="look along the way of a reflected ray"):

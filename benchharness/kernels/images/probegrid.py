@@ -21,7 +21,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from benchharness.kernels import cubemap, differentials, geometry, optics, selfmet
+from benchharness.kernels import cubemap, differentials, geometry, selfmet
 from benchharness.kernels.differentials import FirstHits
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.images import parallax, probe, proxy, roombox
@@ -171,17 +171,12 @@ def weight(p: mi.Vector3f, extent: mi.Vector3f, blend: mi.Vector3f) -> mi.Float:
 @dr.syntax
 def total_weight(grid: Grid, p: mi.Point3f, active: mi.Bool) -> mi.Float:
     """The sum of all weights at a point of the world."""
-    here = _within(grid.box, p)
+    here = proxy.within(grid.box.rows, p)
     k, total = mi.UInt32(0), mi.Float(0)
     while dr.hint(active & (k < grid.count), label="sum the weights of maps"):
         total += weight(here - dr.gather(mi.Vector4f, grid.middles, k, active).xyz, grid.extent, grid.blend)
         k += 1
     return total
-
-
-def _within(box: proxy.Box, p: mi.Point3f) -> mi.Vector3f:
-    """A point of the world in a box's axes."""
-    return mi.Vector3f(*(dr.dot(row.xyz, mi.Vector3f(p)) + row.w for row in box.rows))
 
 
 @dataclass
@@ -210,17 +205,14 @@ def looked_up(
     plain  the surroundings are the same in all directions
     """
     p, n = hits.p, hits.n
-    r = optics.reflect(dr.normalize(view.eye - p), n)
-    pixel = dr.arange(mi.UInt32, view.width * view.height)
-    differential, bends = differentials.of_reflected(hits, view, pixel, hits, r)
+    r, differential, bends = differentials.reflected(hits, view)
     stride = dr.width(maps.texels) // 4 // grid.count
     blend = _blended(grid, maps, stride, p, r, differential, active, doubts=doubts, plain=plain)
     doubt = blend.doubt
     for i, box in enumerate(boxes if doubts else ()):
         own = active & (hits.reflector == i)
         doubt |= own & (selfmet.away(p, n, r, differential.dp, bends, box, own) < blend.distance)
-        start = mi.Vector3f(*(dr.dot(row.xyz, mi.Vector3f(p)) + row.w for row in box))
-        enter, leave = proxy.crossed(start, mi.Vector3f(*(dr.dot(row.xyz, r) for row in box)), mi.Vector3f(1))
+        enter, leave = proxy.crossed(proxy.within(box, p), mi.Vector3f(*(dr.dot(row.xyz, r) for row in box)), mi.Vector3f(1))
         doubt |= active & ~own & (enter <= leave) & (enter < blend.distance)
     return blend.L, blend.distance, doubt
 
@@ -239,7 +231,7 @@ def _blended(
     plain: bool,
 ) -> Blend:
     """The blend of all maps, and of the environment as the last."""
-    here, t = _within(grid.box, p), mi.Float(0)
+    here, t = proxy.within(grid.box.rows, p), mi.Float(0)
     scale = dr.rcp(dr.maximum(total_weight(grid, p, active), 1))
     L, distance, most, left, wrong = mi.Color3f(0), mi.Float(dr.inf), mi.Float(0), mi.Float(1), mi.Float(0)
     k = mi.UInt32(0)
@@ -256,7 +248,7 @@ def _blended(
             t = dr.select(last, dr.inf, proxy.reach(grid.box, p, r, place))
             d = proxy.towards(x, r, t)
             turn = parallax.turned(grid.box, p, r, d, differential, place)
-            turn = dr.select(last, dr.maximum(*(dr.norm(dd) for dd in differential.dd)), turn)
+            turn = dr.select(last, differential.turn, turn)
             map = replace(maps, first=number * stride)
             value = cubemap.lookup_mip(map, d, probe.level(maps, turn), shown)
             value, d = parallax.sky_is_far(map, value, r, d, differential, shown)

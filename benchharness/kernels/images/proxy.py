@@ -50,8 +50,7 @@ def reach(proxy: Proxy, p: mi.Point3f, r: mi.Vector3f, centre: mi.Point3f) -> mi
     """
     if isinstance(proxy, Sphere):
         return _leaves_sphere(mi.Vector3f(p - centre), r, proxy.radius)
-    start = mi.Vector3f(*(dr.dot(row.xyz, mi.Vector3f(p)) + row.w for row in proxy.rows))
-    return _leaves_box(start, mi.Vector3f(*(dr.dot(row.xyz, r) for row in proxy.rows)), proxy.half)
+    return _leaves_box(within(proxy.rows, p), mi.Vector3f(*(dr.dot(row.xyz, r) for row in proxy.rows)), proxy.half)
 
 
 def _leaves_sphere(x: mi.Vector3f, r: mi.Vector3f, radius: mi.Float) -> mi.Float:
@@ -60,6 +59,11 @@ def _leaves_sphere(x: mi.Vector3f, r: mi.Vector3f, radius: mi.Float) -> mi.Float
     determinant = dr.square(b) - (dr.squared_norm(x) - dr.square(radius))
     t = -b + dr.sqrt(dr.maximum(determinant, 0))
     return dr.select((determinant >= 0) & (t > 0), t, dr.inf)
+
+
+def within(rows: list[mi.Vector4f], p: mi.Point3f) -> mi.Vector3f:
+    """A point of the world in the axes of a box with these rows."""
+    return mi.Vector3f(*(dr.dot(row.xyz, mi.Vector3f(p)) + row.w for row in rows))
 
 
 def _leaves_box(x: mi.Vector3f, r: mi.Vector3f, half: mi.Vector3f) -> mi.Float:
