@@ -7,6 +7,7 @@ import gc
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass
+from itertools import chain
 from typing import Any, ParamSpec, TypeVar
 
 import drjit as dr
@@ -25,7 +26,21 @@ def frozen(function: Callable[P, R]) -> Callable[P, R]:
 
     All plain numbers among the arguments are also told as one text. Dr.Jit 1.5.0 takes some that differ for equal, such as a
     picture of 64 x 64 for one of 64 x 8, and replays what it recorded for the other.
+
+    A replayed kernel is as wide as its widest direct input, or as that times what it was when it was recorded. A function whose
+    kernels have no such input, because numbers say how wide they are, is `frozen_by_width`.
     """
+    return _recorded(function, _numbers)
+
+
+def frozen_by_width(function: Callable[P, R]) -> Callable[P, R]:
+    """The same, recorded anew for every width of its arrays, too: for kernels that gather from arrays of whatever width, and are
+    as wide as numbers say."""
+    return _recorded(function, lambda arguments: chain(_numbers(arguments), _widths(arguments)))
+
+
+def _recorded(function: Callable[P, R], tell: Callable[[Any], Iterator[int | float]]) -> Callable[P, R]:
+    """The function, recorded; `tell` says which numbers of its arguments make another recording."""
 
     def told(numbers: str, *args: P.args, **kwargs: P.kwargs) -> R:
         return function(*args, **kwargs)
@@ -34,7 +49,7 @@ def frozen(function: Callable[P, R]) -> Callable[P, R]:
 
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
-        numbers = " ".join(map(repr, _numbers((args, kwargs))))
+        numbers = " ".join(map(repr, tell((args, kwargs))))
         collects = gc.isenabled()
         gc.disable()
         try:
@@ -64,6 +79,17 @@ def _numbers(value: Any) -> Iterator[int | float]:
     else:
         for name in _names(type(value)):
             yield from _numbers(getattr(value, name))
+
+
+def _widths(value: Any) -> Iterator[int]:
+    """The widths of all arrays in a tree of tuples, in order."""
+    if isinstance(value, tuple):
+        for one in value:
+            yield from _widths(one)
+    elif isinstance(value, dict):
+        yield from _widths(tuple(value.values()))
+    elif dr.is_array_v(value):
+        yield dr.width(value)
 
 
 @functools.cache

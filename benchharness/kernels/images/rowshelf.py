@@ -11,7 +11,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from benchharness.kernels.frozen import frozen, roomy
+from benchharness.kernels.frozen import frozen_by_width, roomy
 from benchharness.kernels.images import atlas, depthrows
 from benchharness.kernels.images.capture import CaptureOptions
 from benchharness.kernels.images.depthmap import Layout
@@ -72,7 +72,7 @@ def _table(count: int, columns: int, starts: int, total: int) -> np.ndarray:
     return table
 
 
-@frozen
+@frozen_by_width
 def _built(
     depth: mi.Float, places: mi.UInt32, maps: int, w: int, n: int, m: int, split_jump: float, lanes: int, wide: bool
 ) -> tuple[mi.Float, mi.UInt32, mi.UInt32]:
@@ -88,7 +88,7 @@ def _owner(starts: mi.UInt32, maps: int, lanes: int) -> mi.UInt32:
     return dr.gather(mi.UInt32, atlas.owners(starts // GRAIN, maps, -(-lanes // GRAIN)), dr.arange(mi.UInt32, lanes) // GRAIN)
 
 
-@frozen
+@frozen_by_width
 def _merged(
     built: tuple[mi.Float, mi.UInt32], kept: tuple[mi.Float, mi.UInt32], table: mi.UInt32, maps: int, m: int, lanes: int
 ) -> tuple[mi.Float, mi.UInt32]:

@@ -12,7 +12,7 @@ import mitsuba as mi
 import numpy as np
 
 from benchharness.kernels import packets
-from benchharness.kernels.frozen import frozen, roomy
+from benchharness.kernels.frozen import frozen_by_width, roomy
 from benchharness.kernels.images import atlas
 from benchharness.kernels.images.atlas import Sheet
 
@@ -103,7 +103,7 @@ def _owner(table: mi.UInt32, count: int, lane: mi.UInt32, lanes: int) -> mi.UInt
     return dr.gather(mi.UInt32, atlas.owners(starts // GRAIN, count, lanes // GRAIN), lane // GRAIN)
 
 
-@frozen
+@frozen_by_width
 def _moved(texels: mi.Float, table: mi.UInt32, count: int, lanes: int, depths: bool) -> mi.Float:
     """Pictures at other places. `table`: of those that stay, the first texel here, how many, the first there."""
     lane = dr.arange(mi.UInt32, lanes)
@@ -113,7 +113,7 @@ def _moved(texels: mi.Float, table: mi.UInt32, count: int, lanes: int, depths: b
     return value if depths else packets.stored(value, lanes)
 
 
-@frozen
+@frozen_by_width
 def _taken(
     pages: mi.Float, table: mi.UInt32, count: int, width: int, height: int, levels: int, lanes: int, depths: bool
 ) -> tuple[mi.Float | mi.Vector4f, mi.UInt32]:
