@@ -193,6 +193,30 @@ def claims(
 
 
 @app.command()
+def inspect(
+    asked: Annotated[Path, typer.Argument(metavar="FILE|CONFIG", help="a mesh file, or a study: a TOML file or its name")],
+    out: Annotated[Path | None, typer.Option(help="folder of the pictures; a new one under results/runs if not given")] = None,
+    size: Annotated[tuple[int, int], typer.Option(metavar="W H", help="pixels of the pictures")] = (480, 342),
+) -> None:
+    """Say what a file or a study holds, before anything is run.
+
+    Exit code 2 if it cannot be run.
+    """
+
+    def action() -> int:
+        from benchharness import inspection
+        from benchharness.execution import folder
+
+        console = Console(stderr=True)
+        with console.status("reading") as status:
+            for note in inspection.examined(asked, out or folder.stamped("inspect"), size, status.update):
+                print(note)
+        return Exit.FINE
+
+    _exit(action)
+
+
+@app.command()
 def report(run: RunFolder) -> None:
     """Write report.html of a run anew."""
 
