@@ -41,11 +41,15 @@ class SceneSpec:
 
     def build(self) -> Scene:
         """The scene, named by its label. Raises ValueError for what the user can mend, a failing builder included."""
+        return self.built()[0]
+
+    def built(self) -> tuple[Scene, list[str]]:
+        """The same, and sentences about what was mended of its files, or left out."""
         if self.table:
             from benchharness.study import tablescene
 
             table = tablescene.validated(self.keywords, self.where)
-            return tablescene.build(self.label, table, Path(self.base), self.where)
+            return tablescene.built(self.label, table, Path(self.base), self.where)
         builder = plugins.given("scene", self.name, self.source, self.where).target
         declared = params.of_builder(builder)
         keywords = {name: declared[name].value(given, f"{self.where}.{name}") for name, given in self.keywords.items()}
@@ -55,7 +59,7 @@ class SceneSpec:
             raise ValueError(f"{self.where}: the scene cannot be built: {plugins.said(error)}") from error
         if not isinstance(scene, Scene):
             raise ValueError(f"{self.where}: the builder returned {type(scene).__name__}; accepted: a Scene")
-        return replace(scene, name=self.label)
+        return replace(scene, name=self.label), []
 
 
 def specs(section: Mapping[str, Any], path: Path, apart: Apart) -> Iterator[SceneSpec]:
@@ -84,7 +88,7 @@ def specs(section: Mapping[str, Any], path: Path, apart: Apart) -> Iterator[Scen
 def examined(spec: dict[str, Any], run: dict[str, Any], path: str) -> dict[str, Any]:
     """Builds a scene in this process. Returns what a `Job` holds of it. Raises ValueError where it cannot be rendered."""
     asked, where = SceneSpec(**spec), spec["where"]
-    scene = asked.build()
+    scene, said = asked.built()
     _check_counts(scene, where)
     _check_light(scene, where)
     try:
@@ -106,7 +110,7 @@ def examined(spec: dict[str, Any], run: dict[str, Any], path: str) -> dict[str, 
         "ppd": scene.ppd,
         "scene_hash": identity.of_scene(scene),
     }
-    remarkable = [str(note) for note in notes if note.remarkable]
+    remarkable = [*said, *(str(note) for note in notes if note.remarkable)]
     return {"frames": frames, "images": images, "facts": facts, "notes": remarkable}
 
 

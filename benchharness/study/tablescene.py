@@ -4,17 +4,19 @@
     frames = 25
     background = [0.2, 0.2, 0.2]
     objects = [{name = "room", mesh = "room.obj", albedo = [0.6, 0.5, 0.4], shows = "straight edges"},
-               {name = "lamp", mesh = "lamp.obj", emission = [8, 8, 8], shows = "a highlight"}]
+               {name = "lamp", mesh = "lamp.obj", emission = [8, 8, 8]},
+               {name = "chair", mesh = "chair.glb", fit = {centre = [1, 0, 0.5], size = 1.0}}]
     reflectors = [{name = "ball", mesh = "ball.ply", translate = [0, 0, 1], eta = [0.2, 0.9, 1.1], k = [3.9, 2.4, 2.1]}]
     camera = {path = [[0, -4, 1.5], [1, -4, 1.5]], target = [0, 0, 1], fov_deg = 40}
 
-Paths are relative to the config. OBJ, PLY and GLB are read by trimesh, vertices as they stand in the file
-(right-handed, z up, metres; `scale`, then `rotate_deg` about x, y, z in this order, then `translate` bring others
-there). A file's own normals are kept; one without has creases where
-its faces turn by more than 60 degrees. Edges of objects longer than `h_max` metres, by default a twenty-fifth of the diagonal
+Paths are relative to the config. OBJ, PLY, STL, GLB and glTF are read by `benchharness.assets`: all parts and materials, right
+or refused; what was mended or left out is said. The scene is right-handed, z up, in metres: `up`, `unit`, `scale`,
+`rotate_deg`, `translate` and `fit` bring files there (`benchharness.study.placed`). A file's own normals are kept; one without
+has the creases of its smoothing groups, or where its faces turn by more than 60 degrees. A file of several materials is an
+object for each, `name/material`, in the colours that the file has; `albedo` and `emission` replace these, and an albedo makes
+it one object. Edges of objects longer than `h_max` metres, by default a twenty-fifth of the diagonal
 of the box around all objects, are split before anything else: light lives at vertices, and images of straight edges are curves
-that vertices follow. Colours and textures of a file are not read: albedo and emission are one colour
-per object. Objects do not move; the eye goes along `path` at even pace between its points.
+that vertices follow. Objects do not move; the eye goes along `path` at even pace between its points.
 
 In place of `background`, `environment = "sky.exr"` names a panorama (latitude and longitude, EXR or HDR, linear) as it is
 photographed, straight up in its first row and +x at its left and right ends, +y a quarter from the right; taken at
@@ -24,53 +26,21 @@ photographed, straight up in its first row and +x at its left and right ends, +y
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import trimesh
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
-from benchharness.modelling.creases import creased
 from benchharness.modelling.winding import is_closed
-from benchharness.scene import Camera, Environment, Mesh, Object, Reflector, Scene, merged, subdivided, vertex_normals
-from benchharness.study import plugins
+from benchharness.scene import Camera, Environment, Reflector, Scene, subdivided
+from benchharness.study import placed, plugins
+from benchharness.study.placed import Fit, ObjectTable, Positive, Radiance, ReflectorTable, Table, Vector
 
-SUFFIXES = (".obj", ".ply", ".glb")
 PANORAMAS = (".exr", ".hdr")
 SPLIT = 1 / 25  # of the diagonal of all objects: the longest edge, if nothing is said
-
-Coordinate = Annotated[float, Field(ge=-1e9, le=1e9)]
-Vector = tuple[Coordinate, Coordinate, Coordinate]
-Share = Annotated[float, Field(ge=0, le=1)]
-Positive = Annotated[float, Field(gt=0, le=1e9)]
-Radiance = Annotated[float, Field(ge=0, le=1e9)]
-
-
-class Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
-
-
-class Placed(Table):
-    name: str
-    mesh: str
-    translate: Vector = (0.0, 0.0, 0.0)
-    rotate_deg: Vector = (0.0, 0.0, 0.0)
-    scale: Positive = 1.0
-
-
-class ObjectTable(Placed):
-    shows: str
-    albedo: tuple[Share, Share, Share] = (0.5, 0.5, 0.5)
-    emission: tuple[Radiance, Radiance, Radiance] = (0.0, 0.0, 0.0)
-
-
-class ReflectorTable(Placed):
-    closed: str | None = None
-    eta: tuple[Positive, Positive, Positive] | None = None
-    k: tuple[Radiance, Radiance, Radiance] | None = None
 
 
 class CameraTable(Table):
@@ -105,28 +75,41 @@ def validated(table: dict[str, Any], where: str) -> SceneTable:
     if error["type"] == "extra_forbidden":
         sections = {"objects": ObjectTable, "reflectors": ReflectorTable, "camera": CameraTable}
         model = sections[str(error["loc"][0])] if len(error["loc"]) > 1 else SceneTable
+        model = Fit if "fit" in error["loc"][:-1] else model
         above = place.rpartition(".")[0]
         raise ValueError(f"{where}{above}: key {plugins.unknown(list(error['loc'])[-1], model.model_fields)}")
     if error["type"] == "missing":
         raise ValueError(f"{where}{place} is missing; accepted: see benchharness/study/tablescene.py")
-    raise ValueError(f"{where}{place} is {json.dumps(error['input'])}; accepted: {error['msg']}")
+    raise ValueError(f"{where}{place} is {json.dumps(error['input'])}; accepted: {error['msg'].removeprefix('Value error, ')}")
 
 
 def build(name: str, table: SceneTable, base: Path, where: str) -> Scene:
     """The scene of a validated table. `where` is 'file: section'. Raises ValueError that names the key at fault."""
-    objects, reflectors = [], []
+    return built(name, table, base, where)[0]
+
+
+def built(name: str, table: SceneTable, base: Path, where: str) -> tuple[Scene, list[str]]:
+    """The same, and sentences about what was mended of its files, or left out."""
+    objects, reflectors, notes = [], [], []
     for number, entry in enumerate(table.objects):
-        mesh = load_mesh(base / entry.mesh, f"{where}.objects[{number}].mesh", entry)
-        mesh = Mesh(mesh.vertices, mesh.faces, mesh.normals, entry.albedo, entry.emission)
-        objects.append(Object(entry.name, mesh, entry.shows))
+        key = f"{where}.objects[{number}]"
+        asset = placed.read(base / entry.mesh, f"{key}.mesh", entry)
+        at = placed.pose(asset, entry, key)
+        found, said = _made(placed.objects, f"{key}.mesh: {base / entry.mesh}", asset, entry, at)
+        objects += found
+        notes += placed.notes("object", entry.name, asset, at, said)
     for number, entry in enumerate(table.reflectors):
         key = f"{where}.reflectors[{number}]"
         if (entry.eta is None) != (entry.k is None):
             raise ValueError(f"{key} has only one of eta and k; accepted: both (a conductor) or none (an ideal mirror)")
-        mesh = load_mesh(base / entry.mesh, f"{key}.mesh", entry)
+        asset = placed.read(base / entry.mesh, f"{key}.mesh", entry)
+        at = placed.pose(asset, entry, key)
+        mesh = _made(placed.mesh, f"{key}.mesh: {base / entry.mesh}", asset, at)
+        notes += placed.notes("mirror", entry.name, asset, at, [])
         closed = None
         if entry.closed is not None:
-            closed = load_mesh(base / entry.closed, f"{key}.closed", entry)
+            around = placed.read(base / entry.closed, f"{key}.closed", entry)
+            closed = _made(placed.mesh, f"{key}.closed: {base / entry.closed}", around, at)
             if not is_closed(closed):
                 raise ValueError(f"{key}.closed: {entry.closed} is not watertight; accepted: every edge has two faces")
         reflectors.append(Reflector(entry.name, mesh, closed, entry.eta, entry.k))
@@ -141,7 +124,7 @@ def build(name: str, table: SceneTable, base: Path, where: str) -> Scene:
         split = tuple(replace(o, mesh=subdivided(o.mesh, h_max)) for o in objects)
     except ValueError as error:
         raise ValueError(f"{where}.objects: {error}") from None
-    return Scene(
+    scene = Scene(
         name=name,
         objects=split,
         reflectors=tuple(reflectors),
@@ -155,6 +138,7 @@ def build(name: str, table: SceneTable, base: Path, where: str) -> Scene:
         source=table.model_dump(mode="json"),
         environment=environment,
     )
+    return scene, notes
 
 
 def _environment(table: SceneTable, base: Path, where: str) -> Environment | None:
@@ -183,57 +167,12 @@ def _environment(table: SceneTable, base: Path, where: str) -> Environment | Non
         raise ValueError(f"{where}.environment: {path}: {error}") from None
 
 
-def load_mesh(path: Path, where: str, placed: Placed) -> Mesh:
-    """A mesh file, put in its place. Raises ValueError for what is no file, no mesh, empty or not finite."""
-    if path.suffix.lower() not in SUFFIXES:
-        raise ValueError(f"{where} is {str(path)!r}; accepted: a file that ends in {', '.join(SUFFIXES)}")
-    if not path.is_file():
-        raise ValueError(f"{where}: there is no file {path}; accepted: a path relative to the config")
+def _made(make: Callable, what: str, *arguments: Any) -> Any:
+    """What `make` makes; ValueError that says of `what` where that is no mesh."""
     try:
-        pieces = list(_pieces(trimesh.load_scene(path, process=False)))
-    except Exception as error:  # whatever a reader of meshes may raise
-        raise ValueError(f"{where}: {path} cannot be read: {error}; accepted: triangle meshes") from error
-    if sum(len(faces) for _, faces, _ in pieces) == 0:
-        raise ValueError(f"{where}: {path} has no faces; accepted: a mesh with at least one triangle")
-    for vertices, _, _ in pieces:
-        if not np.isfinite(vertices).all():
-            bad = int(np.flatnonzero(~np.isfinite(vertices).all(axis=1))[0])
-            raise ValueError(f"{where}: vertex {bad} of {path} is {vertices[bad]}; accepted: finite coordinates")
-    try:
-        return merged(*(Mesh(v, f, n) for v, f, n in pieces if len(f))).transformed(_pose(placed))
+        return make(*arguments)
     except ValueError as error:
-        raise ValueError(f"{where}: {path}: {error}") from None
-
-
-def _pieces(loaded: Any) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Vertices, faces and unit normals of every mesh of a trimesh.Scene, in the scene's space."""
-    for node in sorted(loaded.graph.nodes_geometry):
-        pose, geometry = loaded.graph[node]
-        piece = loaded.geometry[geometry]
-        if not isinstance(piece, trimesh.Trimesh):  # points and lines
-            continue
-        linear, faces = pose[:3, :3], np.asarray(piece.faces, np.int64)
-        faces = faces[:, ::-1] if np.linalg.det(linear) < 0 else faces
-        vertices = np.asarray(piece.vertices) @ linear.T + pose[:3, 3]
-        if "vertex_normals" not in piece._cache:  # then trimesh would make some, smooth over every edge
-            yield creased(vertices, faces) if len(faces) and np.isfinite(vertices).all() else (vertices, faces, vertices)
-            continue
-        normals = np.asarray(piece.vertex_normals, np.float64) @ np.linalg.inv(linear)
-        length = np.linalg.norm(normals, axis=1, keepdims=True)
-        own = np.isfinite(length) & (length > 0)
-        yield vertices, faces, np.where(own, normals / np.where(own, length, 1.0), vertex_normals(vertices, faces))
-
-
-def _pose(placed: Placed) -> np.ndarray:
-    """Scale, then turns about x, y and z, then the translation, float64 [4, 4]."""
-    pose = np.eye(4)
-    for axis, angle in enumerate(np.radians(placed.rotate_deg)):
-        turn, (i, j) = np.eye(3), [(1, 2), (2, 0), (0, 1)][axis]
-        turn[[i, i, j, j], [i, j, i, j]] = [np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle)]
-        pose[:3, :3] = turn @ pose[:3, :3]
-    pose[:3, :3] *= placed.scale
-    pose[:3, 3] = placed.translate
-    return pose
+        raise ValueError(f"{what}: {error}") from None
 
 
 def _camera(table: SceneTable) -> Any:

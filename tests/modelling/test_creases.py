@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from benchharness.modelling.creases import creased
+from benchharness.modelling.creases import BY_ANGLE, FLAT, creased, smoothed
 
 CUBE = trimesh.creation.box()
 
@@ -48,3 +48,15 @@ def test_the_angle_decides():
     vertices = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [-c, 0, s], [-c, 1, s]], float)
     faces = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 5], [0, 5, 4]])
     assert [len(creased(vertices, faces, angle)[0]) for angle in (60.0, 45.0)] == [6, 8]
+
+
+def test_smoothing_groups_decide_in_place_of_the_angle():
+    group = np.arange(len(CUBE.faces)) // 6  # half of the triangles each
+    whole = smoothed(CUBE.vertices, CUBE.faces, groups=np.ones(12, int))
+    assert len(whole[1]) == 8
+    assert len(smoothed(CUBE.vertices, CUBE.faces, groups=np.full(12, FLAT))[1]) == 36
+    vertex, normals = smoothed(CUBE.vertices, CUBE.faces, groups=group + 1)
+    assert not {*vertex[group == 0].reshape(-1)} & {*vertex[group == 1].reshape(-1)}
+    assert len(normals) > 8
+    by_angle = smoothed(CUBE.vertices, CUBE.faces, groups=np.full(12, BY_ANGLE))
+    assert len(by_angle[1]) == 24 == len(smoothed(CUBE.vertices, CUBE.faces)[1])

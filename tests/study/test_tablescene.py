@@ -10,7 +10,7 @@ from benchharness.modelling import winding
 from benchharness.modelling.winding import winding_number
 from benchharness.render import inside
 from benchharness.scene import Camera, Mesh, Object, Reflector, Scene
-from benchharness.study import tablescene
+from benchharness.study import placed, scenes, tablescene
 
 CAMERA = {"path": [[0, -4, 0], [0, -4, 2]], "target": [0, 0, 0], "fov_deg": 40}
 
@@ -32,6 +32,12 @@ def built(folder, **changes):
     trimesh.creation.icosphere(subdivisions=2).export(folder / "ball.ply")
     trimesh.creation.icosphere(subdivisions=2).export(folder / "ball.glb")
     return tablescene.build("mine", tablescene.SceneTable.model_validate(table, strict=False), folder, "f.toml: mine")
+
+
+def loaded(path, **table) -> Mesh:
+    entry = placed.Placed(name="a", mesh=path.name, **table)
+    asset = placed.read(path, "k", entry)
+    return placed.mesh(asset, placed.pose(asset, entry, "k"))
 
 
 def test_the_winding_number_is_one_inside_a_closed_mesh_and_zero_outside():
@@ -70,17 +76,15 @@ def test_a_table_of_mesh_files_is_a_scene(tmp_path, suffix):
 
 
 def test_a_quarter_turn_about_x_takes_y_up_to_z_up():
-    placed = tablescene.Placed(name="a", mesh="a.obj", rotate_deg=(90.0, 0.0, 0.0))
-    assert tablescene._pose(placed)[:3, :3] @ [0, 1, 0] == pytest.approx([0, 0, 1])
-    both = tablescene.Placed(name="a", mesh="a.obj", rotate_deg=(90.0, 0.0, 90.0))
-    assert tablescene._pose(both)[:3, :3] @ [1, 0, 0] == pytest.approx([0, 1, 0])
+    assert placed.turn((90.0, 0.0, 0.0)) @ [0, 1, 0] == pytest.approx([0, 0, 1])
+    assert placed.turn((90.0, 0.0, 90.0)) @ [1, 0, 0] == pytest.approx([0, 1, 0])
 
 
 def test_normals_of_the_file_are_kept(tmp_path):
     (tmp_path / "flat.obj").write_text(
         "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0.6 0.8\nvn 0 0.6 0.8\nvn 0 0.6 0.8\nf 1//1 2//2 3//3\n"
     )
-    mesh = tablescene.load_mesh(tmp_path / "flat.obj", "k", tablescene.Placed(name="a", mesh="flat.obj"))
+    mesh = loaded(tmp_path / "flat.obj")
     assert mesh.normals == pytest.approx(np.tile([0, 0.6, 0.8], (3, 1)))
 
 
@@ -91,7 +95,7 @@ def test_the_nodes_of_a_glb_stand_where_its_scene_puts_them(tmp_path):
     scene.add_geometry(ball, transform=far)
     scene.add_geometry(ball, transform=wide)
     scene.export(tmp_path / "two.glb")
-    mesh = tablescene.load_mesh(tmp_path / "two.glb", "k", tablescene.Placed(name="a", mesh="two.glb"))
+    mesh = loaded(tmp_path / "two.glb")
     x = mesh.vertices[:, 0]
     assert (x.max(), x.min()) == pytest.approx((11, -2), abs=1e-6)
     # The mirrored node is turned inside out again: its faces go round the origin counter-clockwise from outside.
@@ -106,10 +110,10 @@ def test_the_nodes_of_a_glb_stand_where_its_scene_puts_them(tmp_path):
 @pytest.mark.parametrize(
     ("name", "text", "reason"),
     [
-        ("nan.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "vertex 0 of .*finite"),
+        ("nan.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", r"nan\.obj cannot be read: vertex 0, .*finite"),
         ("points.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "cannot be read|no faces"),
         ("noise.ply", "this is no mesh", "cannot be read"),
-        ("model.stl", "", "accepted: a file that ends in .obj, .ply, .glb"),
+        ("model.dae", "", r"accepted: a file that ends in \.obj, \.ply, \.stl, \.glb, \.gltf"),
     ],
 )
 def test_a_mesh_that_is_none_is_refused_with_its_file_and_key(tmp_path, name, text, reason):
@@ -220,4 +224,140 @@ def test_normals_that_are_nothing_are_made_of_the_faces_around(tmp_path):
     (tmp_path / "tent.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 0\nvn 0 0 1\nf 1//1 3//2 2//2\n")
     things = [{"name": "tent", "mesh": "tent.obj", "shows": "one normal of nothing"}]
     normals = built(tmp_path, objects=things, h_max=10.0).objects[0].mesh.normals
-    assert sorted(normals[:, 2].round(6).tolist()) == [-1.0, 1.0, 1.0]
+    # The face goes round clockwise from above, and the second normal points away from it.
+    assert normals[:, 2].round(6).tolist() == [-1.0, -1.0, -1.0]
+
+
+# What files bring along, and where they are put
+
+TWO = "v 0 0 0\nv 0 1 0\nv 0 0 3\nv 2 0 0\nusemtl red\nf 1 3 2\nusemtl lamp\nf 1 4 3\nusemtl red\nf 1 2 4\nf 2 3 4\n"
+LIBRARY = "newmtl red\nKd 0.5 0.25 0\nnewmtl lamp\nKd 0 0 0\nKe 5 6 7\n"
+
+
+def two(folder, **table):
+    """The objects of a file of two materials."""
+    (folder / "two.obj").write_text("mtllib two.mtl\n" + TWO)
+    (folder / "two.mtl").write_text(LIBRARY)
+    return built(folder, objects=[{"name": "two", "mesh": "two.obj", **table}], h_max=10.0).objects
+
+
+def test_a_file_of_two_materials_is_two_objects_in_its_own_colours(tmp_path):
+    red, lamp = two(tmp_path)
+    assert (red.name, lamp.name) == ("two/red", "two/lamp")
+    assert (red.shows, lamp.shows) == ("red of two.obj", "lamp of two.obj")
+    assert (len(red.mesh.faces), len(lamp.mesh.faces)) == (3, 1)
+    assert red.mesh.albedo[0] == pytest.approx([0.5, 0.25, 0]) and not red.mesh.emission.any()
+    assert lamp.mesh.emission[0] == pytest.approx([5, 6, 7])
+
+
+def test_an_albedo_of_the_table_makes_it_one_object_and_an_emission_does_not(tmp_path):
+    (one,) = two(tmp_path, albedo=(0.1, 0.2, 0.3), shows="a thing")
+    assert (one.name, one.shows, len(one.mesh.faces)) == ("two", "a thing", 4)
+    assert one.mesh.albedo == pytest.approx(np.tile([0.1, 0.2, 0.3], (len(one.mesh.vertices), 1)))
+    assert sorted(set(one.mesh.emission[:, 2])) == [0, 7]
+    assert [o.mesh.emission[0].tolist() for o in two(tmp_path, emission=(1.0, 1.0, 1.0))] == [[1, 1, 1]] * 2
+
+
+def test_a_file_without_colours_is_grey_and_one_with_colours_of_vertices_has_these(tmp_path):
+    (tmp_path / "plain.obj").write_text(TWO.replace("usemtl", "#"))
+    things = [{"name": "plain", "mesh": "plain.obj"}]
+    assert built(tmp_path, objects=things, h_max=10.0).objects[0].mesh.albedo == pytest.approx(np.full((12, 3), 0.5))
+    (tmp_path / "plain.obj").write_text("v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 0 1 0 0 0 1\nf 1 2 3\n")
+    assert built(tmp_path, objects=things, h_max=10.0).objects[0].mesh.albedo.tolist() == [[1, 0, 0], [1, 0, 0], [0, 0, 1]]
+
+
+def test_a_picture_counts_by_its_mean_where_it_is_used(tmp_path):
+    from PIL import Image
+
+    rows = np.zeros((4, 4, 3), np.uint8)
+    rows[:2] = 255  # the upper half white; coordinates below reach from v = 0.25 to 1
+    Image.fromarray(rows).save(tmp_path / "p.png")
+    (tmp_path / "p.mtl").write_text("newmtl m\nKd 1 0.5 1\nmap_Kd p.png\n")
+    uv = "vt 0 0.25\nvt 0.999 0.25\nvt 0.999 0.999\nvt 0 0.999\n"
+    (tmp_path / "p.obj").write_text(f"mtllib p.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n{uv}usemtl m\nf 1/1 2/2 3/3 4/4\n")
+    table = {
+        "objects": [{"name": "p", "mesh": "p.obj"}],
+        "reflectors": [{"name": "ball", "mesh": "ball.ply"}],
+        "camera": CAMERA,
+    }
+    built(tmp_path)
+    table = tablescene.SceneTable.model_validate(table, strict=False)
+    scene, notes = tablescene.built("mine", table, tmp_path, "f.toml: mine")
+    assert scene.objects[0].mesh.albedo[0] == pytest.approx([2 / 3, 1 / 3, 2 / 3], abs=0.02)
+    assert "object p, p.obj: " in notes[0] and "the picture of material m is drawn as its mean colour" in notes[0]
+
+
+@pytest.mark.parametrize(
+    ("unit", "metres"), [("mm", 0.001), ("cm", 0.01), ("m", 1), ("in", 0.0254), ("ft", 0.3048), (2.5, 2.5)]
+)
+def test_units_are_metres(tmp_path, unit, metres):
+    (tmp_path / "two.obj").write_text(TWO)
+    mesh = loaded(tmp_path / "two.obj", unit=unit, scale=2.0, translate=(1.0, 1.0, 1.0))
+    assert np.ptp(mesh.vertices, axis=0) == pytest.approx(2 * metres * np.array([2, 1, 3]))
+    assert mesh.vertices.min(axis=0) == pytest.approx([1, 1, 1])
+
+
+def test_up_is_what_the_table_says_and_else_what_the_format_says(tmp_path):
+    (tmp_path / "two.obj").write_text(TWO)
+    trimesh.Trimesh([[0, 0, 0], [2, 0, 0], [0, 1, 0], [0, 0, 3]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]).export(
+        tmp_path / "two.glb"
+    )
+    upright, lying = ((0, -3, 0), (2, 0, 1)), ((0, 0, 0), (2, 1, 3))
+    for name, up, box in [
+        ("two.obj", None, lying), ("two.obj", "z", lying), ("two.obj", "y", upright),
+        ("two.glb", None, upright), ("two.glb", "y", upright), ("two.glb", "z", lying),
+    ]:  # fmt: skip
+        mesh = loaded(tmp_path / name, up=up)
+        assert (mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)) == (pytest.approx(box[0]), pytest.approx(box[1])), (
+            name,
+            up,
+        )
+        assert winding_number(mesh, np.mean(mesh.vertices, axis=0)) == pytest.approx(1.0)
+
+
+def test_a_file_is_fitted_after_it_was_turned_and_its_proxy_with_it(tmp_path):
+    (tmp_path / "two.obj").write_text(TWO)
+    mesh = loaded(tmp_path / "two.obj", rotate_deg=(0.0, 0.0, 90.0), fit={"centre": (1.0, 2.0, 3.0), "size": 6.0})
+    assert mesh.vertices.min(axis=0) == pytest.approx([0, 0, 0]) and mesh.vertices.max(axis=0) == pytest.approx([2, 4, 6])
+    fitted = {"name": "ball", "mesh": "half.ply", "closed": "ball.ply", "fit": {"centre": (0.0, 0.0, 0.0), "size": 4.0}}
+    shape = trimesh.creation.icosphere(subdivisions=2)
+    upper = shape.faces[shape.triangles_center[:, 2] > 0]
+    trimesh.Trimesh(shape.vertices, upper).export(tmp_path / "half.ply")
+    mirror = built(tmp_path, reflectors=[fitted]).reflectors[0]
+    closed = {tuple(v) for v in np.round(mirror.closed.vertices, 5)}
+    assert {tuple(v) for v in np.round(mirror.mesh.vertices, 5)} <= closed
+    with pytest.raises(ValueError, match=r"reflectors\[0\] has fit and scale; accepted: one of them"):
+        built(tmp_path, reflectors=[{**fitted, "scale": 2.0}])
+
+
+@pytest.mark.parametrize(
+    ("entry", "said"),
+    [
+        ({"unit": "yard"}, r"objects\[0\]\.unit is \"yard\"; accepted: mm, cm, m, in, ft, or a number of metres"),
+        ({"unit": -1}, r"objects\[0\]\.unit is -1"),
+        ({"up": "x"}, r"objects\[0\]\.up is \"x\""),
+        ({"fit": {"centre": [0, 0, 0]}}, r"objects\[0\]\.fit\.size is missing"),
+        ({"fit": {"size": 1, "center": [0, 0, 0]}}, r"objects\[0\]\.fit: .*center.*centre"),
+    ],
+)
+def test_what_is_said_of_a_place_wrongly_is_refused_by_its_key(entry, said):
+    reflectors = [{"name": "ball", "mesh": "ball.ply"}]
+    table = {"objects": [{"name": "a", "mesh": "a.obj", **entry}], "reflectors": reflectors, "camera": CAMERA}
+    with pytest.raises(ValueError, match=said):
+        tablescene.validated(table, "f.toml: mine")
+
+
+def test_what_was_mended_of_a_file_reaches_the_notes_of_a_run(tmp_path):
+    trimesh.creation.icosphere(subdivisions=1).export(tmp_path / "ball.ply")
+    (tmp_path / "two.obj").write_text("mtllib gone.mtl\n" + TWO + "f 1 1 2\n")
+    table = {
+        "objects": [{"name": "two", "mesh": "two.obj", "unit": "mm", "emission": [1, 1, 1]}],
+        "reflectors": [{"name": "ball", "mesh": "ball.ply", "scale": 1000}],
+        "camera": {**CAMERA, "path": [[0, -4000, 0]]},
+    }
+    spec = scenes.SceneSpec("mine", "mine", None, table=True, keywords=table, base=str(tmp_path), where="f.toml: mine")
+    notes = scenes.examined(vars(spec), {"size": (60, 40), "frames": 1}, "f.toml")["notes"]
+    assert [note.partition(":")[0] for note in notes[:2]] == ["object two, two.obj", "mirror ball, ball.ply"]
+    for part in ("two corners at one place, left out: 1", "library gone.mtl is missing", "0.002 x 0.001 x 0.003 m large"):
+        assert part in notes[0]
+    assert "2000 x 2000 x 2000 m large" in notes[1]

@@ -1,0 +1,57 @@
+"""`read`: a mesh file of any format that is read, as an `Asset` with z up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from benchharness.assets import gltf, obj, ply, stl
+from benchharness.assets.asset import Asset, Findings, Part, Refused
+
+Up = Literal["y", "z"]
+
+READERS: dict[str, tuple[Callable[[Path, Findings], list[Part]], Up]] = {
+    ".obj": (obj.read, "z"),
+    ".ply": (ply.read, "z"),
+    ".stl": (stl.read, "z"),
+    ".glb": (gltf.read, "y"),
+    ".gltf": (gltf.read, "y"),
+}
+"""What reads files of an ending, and which axis is up in them: glTF says so itself, of others z is taken for it."""
+
+SUFFIXES = tuple(READERS)
+UPRIGHT = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # y up -> z up: what was the front is at -y
+
+
+def read(path: Path, up: Up | None = None) -> Asset:
+    """The asset of a file. `up` is the axis that is up in it, if not its format's own.
+
+    Raises Refused, with the file's name, for what cannot be read right.
+    """
+    if path.suffix.lower() not in READERS:
+        raise Refused(f"{path.name} is none of the formats; accepted: {', '.join(SUFFIXES)}")
+    reader, usual = READERS[path.suffix.lower()]
+    findings = Findings()
+    try:
+        parts = reader(path, findings)
+    except Refused as error:
+        raise Refused(f"{path.name} cannot be read: {error}") from None
+    except Exception as error:  # whatever a broken file may lead to
+        said = f"{type(error).__name__}: {error}"
+        raise Refused(
+            f"{path.name} cannot be read: it is not what its format asks for ({said}); accepted: a valid file"
+        ) from error
+    if not parts:
+        raise Refused(f"{path.name} cannot be read: no face of it has an area; accepted: a mesh with at least one triangle")
+    if (up or usual) == "y":
+        parts = [part.transformed(UPRIGHT) for part in parts]
+    return Asset(path, tuple(_named(parts)), findings.sentences())
+
+
+def _named(parts: list[Part]) -> list[Part]:
+    """The parts, those without a name named by their material or number."""
+    return [replace(part, name=part.name or part.material.name or f"part {k}") for k, part in enumerate(parts, 1)]

@@ -1,0 +1,186 @@
+"""Mesh files of a scene's table, put in their place: as objects, one for each material, and as mirrors.
+
+A file is first brought to z up (`up`) and metres (`unit`), then scaled, turned about x, y, z in this order, and moved; or
+turned and then brought to a size and a place, whatever its own (`fit`).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+from benchharness.assets import pictures, reading
+from benchharness.assets.asset import Asset, Material, Part, Refused
+from benchharness.modelling.winding import crossed
+from benchharness.scene import Mesh, Object, merged
+
+METRES = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254, "ft": 0.3048}
+HUGE, TINY = 200.0, 0.005  # metres: what is larger or smaller is said, as it may be meant in another unit
+MOST_SAID = 12  # findings of one file
+
+
+def _metres(given: Any) -> Any:
+    """A unit's metres, if it is given by its name."""
+    if isinstance(given, str) and given not in METRES:
+        raise ValueError(f"{', '.join(METRES)}, or a number of metres")
+    return METRES[given] if isinstance(given, str) else given
+
+
+Coordinate = Annotated[float, Field(ge=-1e9, le=1e9)]
+Vector = tuple[Coordinate, Coordinate, Coordinate]
+Share = Annotated[float, Field(ge=0, le=1)]
+Positive = Annotated[float, Field(gt=0, le=1e9)]
+Radiance = Annotated[float, Field(ge=0, le=1e9)]
+Unit = Annotated[Positive, BeforeValidator(_metres)]
+
+
+class Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class Fit(Table):
+    """centre of the box around a file, and the length of this box's longest side, in metres"""
+
+    centre: Vector = (0.0, 0.0, 0.0)
+    size: Positive
+
+
+class Placed(Table):
+    """A file and where it is. `up` is the axis that is up in it: None is y for glTF, and z for all others."""
+
+    name: str
+    mesh: str
+    up: Literal["y", "z"] | None = None
+    unit: Unit = 1.0
+    scale: Positive = 1.0
+    rotate_deg: Vector = (0.0, 0.0, 0.0)
+    translate: Vector = (0.0, 0.0, 0.0)
+    fit: Fit | None = None
+
+
+class ObjectTable(Placed):
+    """albedo, emission: None is what the file has"""
+
+    shows: str = ""
+    albedo: tuple[Share, Share, Share] | None = None
+    emission: tuple[Radiance, Radiance, Radiance] | None = None
+
+
+class ReflectorTable(Placed):
+    closed: str | None = None
+    eta: tuple[Positive, Positive, Positive] | None = None
+    k: tuple[Radiance, Radiance, Radiance] | None = None
+
+
+def read(path: Path, where: str, placed: Placed) -> Asset:
+    """A mesh file. Raises ValueError that names the key and the file for what is none, or cannot be read right."""
+    if path.suffix.lower() not in reading.SUFFIXES:
+        raise ValueError(f"{where} is {str(path)!r}; accepted: a file that ends in {', '.join(reading.SUFFIXES)}")
+    if not path.is_file():
+        raise ValueError(f"{where}: there is no file {path}; accepted: a path relative to the config")
+    try:
+        return reading.read(path, placed.up)
+    except Refused as error:
+        raise ValueError(f"{where}: {path.parent}/{error}") from None
+
+
+def pose(asset: Asset, placed: Placed, where: str) -> np.ndarray:
+    """What takes a file's space to the scene's, float64 [4, 4]. Raises ValueError for a `fit` beside what it replaces."""
+    turned = turn(placed.rotate_deg)
+    out = np.eye(4)
+    if placed.fit is None:
+        out[:3, :3] = placed.unit * placed.scale * turned
+        out[:3, 3] = placed.translate
+        return out
+    beside = [name for name in ("unit", "scale", "translate") if name in placed.model_fields_set]
+    if beside:
+        raise ValueError(f"{where} has fit and {', '.join(beside)}; accepted: one of them")
+    corners = np.concatenate([part.vertices @ turned.T for part in asset.parts])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    factor = placed.fit.size / float((high - low).max())
+    out[:3, :3] = factor * turned
+    out[:3, 3] = placed.fit.centre - factor * 0.5 * (low + high)
+    return out
+
+
+def turn(degrees: Vector) -> np.ndarray:
+    """Turns about x, then y, then z, float64 [3, 3]."""
+    out = np.eye(3)
+    for axis, angle in enumerate(np.radians(degrees)):
+        step, (i, j) = np.eye(3), [(1, 2), (2, 0), (0, 1)][axis]
+        step[[i, i, j, j], [i, j, i, j]] = [np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle)]
+        out = step @ out
+    return out
+
+
+def mesh(asset: Asset, at: np.ndarray) -> Mesh:
+    """All of a file as one mesh without a look. Raises ValueError for what is no mesh."""
+    return merged(*(Mesh(part.vertices, part.faces, part.normals) for part in asset.parts)).transformed(at)
+
+
+def objects(asset: Asset, entry: ObjectTable, at: np.ndarray) -> tuple[list[Object], list[str]]:
+    """An object for every material of a file, or one if the table gives its albedo; and what has to be said of them."""
+    said: list[str] = []
+    groups: dict[Any, list[Part]] = {}
+    for part in asset.parts:
+        m = part.material
+        look = None if entry.albedo is not None else (m.name, m.base_colour, id(m.picture), m.wrap, m.emission)
+        groups.setdefault(look, []).append(part)
+    found = []
+    names = _names([parts[0].material.name for parts in groups.values()]) if len(groups) > 1 else [""]
+    for material, parts in zip(names, groups.values(), strict=True):
+        meshes = [Mesh(part.vertices, part.faces, part.normals, *_look(part, entry, said)) for part in parts]
+        shown = entry.shows or " of ".join([material, asset.path.name] if material else [asset.path.name])
+        name = f"{entry.name}/{material}" if material else entry.name
+        found.append(Object(name, merged(*meshes).transformed(at), shown))
+    return found, list(dict.fromkeys(said))
+
+
+def notes(kind: str, name: str, asset: Asset, at: np.ndarray, said: list[str]) -> list[str]:
+    """One sentence about a file, if there is anything to say: what was found in it, and a size that is no usual one."""
+    said = [*asset.findings, *said]
+    low, high = asset.box
+    corners = np.stack(np.meshgrid(*zip(low, high, strict=True), indexing="ij"), axis=-1).reshape(-1, 3) @ at[:3, :3].T
+    extent = np.ptp(corners, axis=0)
+    if not TINY <= extent.max() <= HUGE:
+        said.append(f"it is {' x '.join(f'{length:.4g}' for length in extent)} m large: `unit`, `scale` or `fit` change that")
+    if len(said) > MOST_SAID:
+        said = [*said[:MOST_SAID], f"and {len(said) - MOST_SAID} more"]
+    return [f"{kind} {name}, {asset.path.name}: {'; '.join(said)}"] if said else []
+
+
+def _names(materials: list[str]) -> list[str]:
+    """Names for objects, none of them twice."""
+    plain = [" ".join("".join(c for c in name if c.isprintable()).split()) or "plain" for name in materials]
+    out: list[str] = []
+    for name in plain:
+        number, own = 2, name
+        while own in out:
+            own, number = f"{name} {number}", number + 1
+        out.append(own)
+    return out
+
+
+def _look(part: Part, entry: ObjectTable, said: list[str]) -> tuple[Any, Any]:
+    """Albedo, [3] or [V, 3], and emission, [3], of a part."""
+    emission = part.material.emission if entry.emission is None else entry.emission
+    if entry.albedo is not None:
+        return entry.albedo, emission
+    colour = np.array(part.material.base_colour) * _picture(part, part.material, said)
+    colour = colour if part.colours is None else colour * part.colours
+    if colour.max() > 1.0:
+        said.append(f"the colour of material {part.material.name} goes beyond 1, and is clipped")
+    return np.clip(colour, 0.0, 1.0), emission
+
+
+def _picture(part: Part, material: Material, said: list[str]) -> np.ndarray:
+    """The mean colour [3] of a part's picture; white without one."""
+    if material.picture is None or part.uv is None:
+        return np.ones(3)
+    area = np.linalg.norm(crossed(part.vertices, part.faces), axis=1)
+    mean = pictures.mean(material.picture, part.uv, part.faces, area, material.wrap)
+    said.append(f"the picture of material {material.name} is drawn as its mean colour")
+    return mean

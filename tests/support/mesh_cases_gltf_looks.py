@@ -1,0 +1,163 @@
+"""glTF files with colours and pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+from support.mesh_cases import BLUE, CUBE, GREEN, LIGHT, MADE, MIDDLE, RED, TRIANGLES, Case
+from support.mesh_cases_gltf import (
+    DOWN,
+    WHITE,
+    at,
+    coloured,
+    cube,
+    glossy,
+    made,
+    moved,
+    primitives,
+    quarters,
+    shining,
+    shown,
+    square,
+    whole_cube,
+)
+
+CASES = [
+    Case(
+        "a base colour",
+        made(lambda g: g.node(g.mesh({**g.primitive(CUBE, TRIANGLES), "material": g.material((0.5, 0.5, 0.25))}))),
+        **whole_cube,
+        parts={"m": (0.5, 0.5, 0.25)},
+    ),
+    Case("a picture", made(shown()), colours=quarters(BLUE, LIGHT, RED, GREEN), says=(MADE,)),
+    Case(
+        "a picture beside it",
+        made(shown(image="picture.png"), "beside"),
+        colours=quarters(BLUE, LIGHT, RED, GREEN),
+        says=(MADE,),
+    ),
+    Case(
+        "a base colour times a picture",
+        made(shown(colour=(0.5, 0.5, 0.5))),
+        colours=quarters((0, 0, 0.5), (MIDDLE / 2,) * 3, (0.5, 0, 0), (0, 0.5, 0)),
+        says=(MADE,),
+    ),
+    Case(
+        "two primitives and materials",
+        made(primitives),
+        parts={"m": WHITE, "n": (0.5, 1, 1)},
+        says=(MADE,),
+        colours=at(((0.25, 0.75), RED), ((1.25, 0.75), (0.5, 0, 0)), ((1.75, 0.25), (MIDDLE / 2, MIDDLE, MIDDLE))),
+    ),
+    Case(
+        "a picture repeated",
+        made(shown(uv=2 * DOWN)),
+        colours=at(((0.1, 0.1), BLUE), ((0.6, 0.1), BLUE), ((0.9, 0.6), LIGHT)),
+        says=(MADE,),
+    ),
+    Case(
+        "a picture mirrored along u",
+        made(shown(uv=DOWN * [2, 1], sampler={"wrapS": 33648})),
+        colours=at(((0.1, 0.25), BLUE), ((0.4, 0.25), LIGHT), ((0.6, 0.25), LIGHT), ((0.9, 0.25), BLUE)),
+        says=(MADE,),
+    ),
+    Case(
+        "a picture that ends",
+        made(shown(uv=DOWN * 3 - 1, sampler={"wrapS": 33071, "wrapT": 33071})),
+        colours=at(((0.1, 0.1), BLUE), ((0.9, 0.1), LIGHT), ((0.1, 0.9), RED)),
+        says=(MADE,),
+    ),
+    Case(
+        "a picture scaled and moved",
+        made(shown(moved(scale=[0.5, 0.5], offset=[0.5, 0]))),
+        colours=quarters(GREEN, GREEN, GREEN, GREEN),
+        says=(MADE,),
+    ),
+    # Counter-clockwise by 90 degrees about the upper left corner: what was on the right is above, and (0, 1) brings it back.
+    Case(
+        "a picture turned",
+        made(shown(moved(rotation=np.pi / 2, offset=[0, 1]))),
+        colours=quarters(LIGHT, GREEN, BLUE, RED),
+        says=(MADE,),
+    ),
+    Case(
+        "a picture by its second coordinates",
+        made(shown(texture={"texCoord": 1}, uv=0 * DOWN, TEXCOORD_1=DOWN)),
+        colours=quarters(BLUE, LIGHT, RED, GREEN),
+        says=(MADE,),
+    ),
+    Case(
+        "a picture by those of its transform",
+        made(shown(moved(texCoord=1), uv=0 * DOWN, TEXCOORD_1=DOWN)),
+        colours=quarters(BLUE, LIGHT, RED, GREEN),
+        says=(MADE,),
+    ),
+    Case(
+        "coordinates of 16 bits",
+        made(lambda g: square(g, uv=g.numbers(DOWN * 65535, "uint16", normalized=True))),
+        colours=quarters(BLUE, LIGHT, RED, GREEN),
+        says=(MADE,),
+    ),
+    Case(
+        "a picture that is not there",
+        made(shown(image="gone.png", colour=RED), "beside"),
+        parts={"m": RED},
+        says=(MADE, "is missing .*gone.png"),
+    ),
+    Case("a picture that is none", made(shown(image=b"none")), parts={"m": WHITE}, says=(MADE, "cannot be read")),
+    Case(
+        "a picture of another format",
+        made(
+            lambda g: (
+                square(g),
+                g.json["textures"][0].update(extensions={"KHR_texture_basisu": {}}),
+                g.json["textures"][0].pop("source"),
+            )
+        ),
+        parts={"m": WHITE},
+        says=(MADE, "is none; drawn in its plain colour"),
+    ),
+    Case(
+        "pictures that have to be of another format",
+        made(cube(json={"extensionsRequired": ["KHR_texture_basisu"]})),
+        refused="requires KHR_texture_basisu",
+    ),
+    Case(
+        "colours of vertices",
+        made(coloured([RED, GREEN, BLUE, (0.5, 0.5, 0.5)], "float32")),
+        colours=at(((0, 0), RED), ((1, 0), GREEN), ((0, 1), (0.5,) * 3)),
+        says=(MADE,),
+    ),
+    Case(
+        "colours of 8 bits are linear",
+        made(coloured([[51, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [0, 0, 0, 0]], "uint8", normalized=True)),
+        colours=at(((0, 0), (0.2, 0, 0)), ((1, 0), GREEN)),
+        says=(MADE, "transparency"),
+    ),
+    Case(
+        "colours of 16 bits",
+        made(coloured(np.array([[13107, 0, 0], [0, 65535, 0], [0, 0, 65535], [0, 0, 0]]), "uint16", pad=2, normalized=True)),
+        colours=at(((0, 0), (0.2, 0, 0)), ((1, 0), GREEN)),
+        says=(MADE,),
+    ),
+    Case(
+        "colours of vertices times a picture",
+        made(shown(COLOR_0=[(0.5, 0.5, 0.5)] * 4)),
+        colours=quarters((0, 0, 0.5), (MIDDLE / 2,) * 3, (0.5, 0, 0), (0, 0.5, 0)),
+        says=(MADE,),
+    ),
+    Case("what shines strongly", made(shining), emits={"m": (8, 4, 0)}, says=(MADE,)),
+    Case("an older kind of colour", made(glossy), parts={"m": (0.25, 0.5, 1)}, says=(MADE,)),
+    Case(
+        "metal, glass, bumps",
+        made(shown(material={"alphaMode": "BLEND", "normalTexture": {"index": 0}})),
+        colours=quarters(BLUE, LIGHT, RED, GREEN),
+        says=(MADE, "normal maps, ignored: 1", "let light through.*: 1"),
+    ),
+    Case("a sampler that there is not", made(shown(sampler={"wrapS": 1})), refused="wraps by 1"),
+    Case("a colour that is none", made(shown(colour=(-1, 0, 0))), refused="base colour of m"),
+    Case(
+        "a material that is not there",
+        made(lambda g: g.node(g.mesh({**g.primitive(CUBE, TRIANGLES), "material": 4}))),
+        refused="material 4 of 0",
+    ),
+]
