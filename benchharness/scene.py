@@ -3,11 +3,13 @@
 A scene is objects that are seen in mirrors, reflectors that are the mirrors, and a camera path. Everything here is
 float64 NumPy on the host, right-handed, z up, in metres and seconds; radiance and albedo are linear RGB.
 
-Surfaces are diffuse, one-sided in spirit and two-sided in effect: a mesh whose back can be seen should be closed.
+Surfaces are diffuse, one-sided in spirit and two-sided in effect: a mesh whose back can be seen should be closed. Their albedo
+is one of vertices, interpolated, times that of a picture where there is one (`Texture`).
 Light comes from objects that emit (``Mesh.emission``), from ``Scene.lights`` and from the surroundings at infinity, one
 colour (``Scene.background``) or a panorama (``Scene.environment``). What a surface sends back is not stored by the author
-but baked (``benchharness.render.bake``) into ``Mesh.radiance``, so that every method sees the same light. Only highlights, of
-point lights on objects with ``Gloss``, depend on where one looks from.
+but baked (``benchharness.render.bake``) into ``Mesh.radiance``, so that every method sees the same light; a picture colours it
+where it is seen, finer than there are vertices. Only highlights, of point lights on objects with ``Gloss``, depend on where one
+looks from.
 """
 
 from __future__ import annotations
@@ -21,12 +23,14 @@ import numpy as np
 from benchharness.modelling.panorama import Environment as Environment
 from benchharness.modelling.panorama import read_only
 from benchharness.modelling.subdivision import split_edges
+from benchharness.modelling.texture import Texture as Texture
 
 Motion = Callable[[float], np.ndarray]
 """Time in seconds -> rigid pose, float64 [4, 4], object to world."""
 
 NEAR = 1e-3  # of a mirror's half diagonal
 MOST_LIGHTS = 4  # point lights of a scene: their visibilities at a vertex are one packet of 4 floats on the device
+PER_VERTEX = ("normals", "albedo", "emission", "radiance", "visibility", "uv")  # what a mesh carries, where it has it
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,11 +42,13 @@ class Mesh:
     normals    float64 [V, 3], unit, outward; area-weighted vertex normals where not given
     albedo     float64 [V, 3] in [0, 1]; one colour [3] is spread over all vertices
     emission   float64 [V, 3] radiance that the surface emits by itself, W/(m² sr); one colour [3] is spread
-    radiance   float64 [V, 3] radiance that leaves the surface, highlights aside, baked; None until then
+    radiance   float64 [V, 3] radiance that leaves the surface, highlights aside and without the texture, baked; None until then
     visibility float64 [V, L] in [0, 1]: how much of each of `Scene.lights` is seen, baked where highlights need it; else None
+    uv         float64 [V, 2], where in the texture a vertex is; vertices on a seam come twice. None for a mesh without
+    texture    colours what leaves the surface, a factor of the albedo that differs point by point. A mirror's is not looked at
 
     None of them can be written to: whoever wants another mesh makes one. Raises ValueError for no faces, non-finite numbers,
-    and indices out of range.
+    indices out of range, and a texture without uv or on a mesh that emits.
     """
 
     vertices: np.ndarray
@@ -52,6 +58,8 @@ class Mesh:
     emission: np.ndarray | tuple = (0.0, 0.0, 0.0)
     radiance: np.ndarray | None = None
     visibility: np.ndarray | None = None
+    uv: np.ndarray | None = None
+    texture: Texture | None = None
 
     def __post_init__(self) -> None:
         vertices = np.ascontiguousarray(self.vertices, np.float64)
@@ -86,6 +94,15 @@ class Mesh:
             if not ((visibility >= 0) & (visibility <= 1)).all():
                 raise ValueError("mesh: visibility is not within 0 and 1; accepted: the share of a light that is seen")
             object.__setattr__(self, "visibility", read_only(visibility))
+        if self.uv is not None:
+            uv = np.ascontiguousarray(self.uv, np.float64)
+            if uv.shape != (len(vertices), 2) or not np.isfinite(uv).all():
+                raise ValueError(f"mesh: uv has shape {uv.shape}; accepted: finite numbers [{len(vertices)}, 2]")
+            object.__setattr__(self, "uv", read_only(uv))
+        if self.texture is not None and self.uv is None:
+            raise ValueError("mesh: it has a texture and no uv; accepted: where in the texture each vertex is, [V, 2]")
+        if self.texture is not None and np.any(self.emission):
+            raise ValueError("mesh: it has a texture and emits; accepted: one of the two")
 
     @staticmethod
     def _per_vertex(name: str, value, n: int) -> np.ndarray:
@@ -116,21 +133,25 @@ def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def merged(*meshes: Mesh) -> Mesh:
-    """One mesh out of several, in their order; radiance and visibility (of as many lights) are kept if all have them."""
-    seen = {None if m.visibility is None else m.visibility.shape[1] for m in meshes}
+    """One mesh out of several, in their order; radiance, visibility (of as many lights) and uv are kept if all have them.
+
+    Raises ValueError for meshes of different textures: such stay apart.
+    """
+    textures = {m.texture for m in meshes}
+    if len(textures) > 1:
+        raise ValueError(f"merged: meshes have {len(textures)} textures, none being one; accepted: the same for all, or none")
     starts = np.cumsum([0] + [len(m.vertices) for m in meshes])
 
-    def stack(name: str) -> np.ndarray:
-        return np.concatenate([getattr(m, name) for m in meshes])
+    def stacked(name: str) -> np.ndarray | None:
+        values = [getattr(m, name) for m in meshes]
+        widths = {None if value is None else value.shape[1] for value in values}
+        return np.concatenate(values) if len(widths) == 1 and None not in widths else None
 
     return Mesh(
-        vertices=stack("vertices"),
+        vertices=np.concatenate([m.vertices for m in meshes]),
         faces=np.concatenate([m.faces + start for m, start in zip(meshes, starts, strict=False)]),
-        normals=stack("normals"),
-        albedo=stack("albedo"),
-        emission=stack("emission"),
-        radiance=stack("radiance") if all(m.radiance is not None for m in meshes) else None,
-        visibility=stack("visibility") if len(seen) == 1 and None not in seen else None,
+        **{name: stacked(name) for name in PER_VERTEX},  # pyright: ignore[reportArgumentType]
+        texture=meshes[0].texture,
     )
 
 
@@ -143,23 +164,13 @@ def subdivided(mesh: Mesh, h_max: float) -> Mesh:
     """
     if not h_max > 0:
         raise ValueError(f"subdivided: h_max is {h_max}; accepted: a positive length in metres")
-    v, f = mesh.vertices, mesh.faces.astype(np.int64)
-    attributes = np.concatenate([mesh.normals, np.asarray(mesh.albedo), np.asarray(mesh.emission)], axis=1)
-    if mesh.radiance is not None:
-        attributes = np.concatenate([attributes, mesh.radiance], axis=1)
-    if mesh.visibility is not None:
-        attributes = np.concatenate([attributes, mesh.visibility], axis=1)
-    v, f, attributes = split_edges(v, f, attributes, h_max)
-    normals = attributes[:, 0:3] / np.maximum(np.linalg.norm(attributes[:, 0:3], axis=1, keepdims=True), 1e-300)
-    return Mesh(
-        vertices=v,
-        faces=f,
-        normals=normals,
-        albedo=attributes[:, 3:6],
-        emission=attributes[:, 6:9],
-        radiance=attributes[:, 9:12] if mesh.radiance is not None else None,
-        visibility=attributes[:, -mesh.visibility.shape[1] :] if mesh.visibility is not None else None,
-    )
+    carried = {name: np.asarray(value) for name in PER_VERTEX if (value := getattr(mesh, name)) is not None}
+    columns = np.concatenate(list(carried.values()), axis=1)
+    v, f, columns = split_edges(mesh.vertices, mesh.faces.astype(np.int64), columns, h_max)
+    ends = np.cumsum([value.shape[1] for value in carried.values()])[:-1]
+    split = dict(zip(carried, np.split(columns, ends, axis=1), strict=True))
+    split["normals"] = split["normals"] / np.maximum(np.linalg.norm(split["normals"], axis=1, keepdims=True), 1e-300)
+    return Mesh(vertices=v, faces=f, **split, texture=mesh.texture)
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@
                 places matter
     faces       4 integers per triangle: three vertices, number of the part (and raster.CLOSED, see `part_of`)
     shine       what highlights need beside (`kernels.lighting`), None for a scene without: then nothing of it is compiled
+    paint       what textures need beside (`kernels.painting`), likewise; radiance is without them
 
 One vertex or one triangle is one packet load of 16 bytes. `upload` and `of_scene` give object space, `placed` world space.
 """
@@ -20,7 +21,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from benchharness.kernels import lighting, packets, raster
+from benchharness.kernels import lighting, packets, painting, raster
 from benchharness.kernels.types import SceneLike
 
 
@@ -34,23 +35,28 @@ class Geometry:
     vertex_count: int
     face_count: int
     shine: lighting.Shine | None = None
+    paint: painting.Paint | None = None
 
 
 def of_scene(scene: SceneLike) -> Geometry:
     """All parts of a scene that was baked: objects with their light, mirrors black."""
     lit = [(o.mesh.vertices, o.mesh.radiance, o.mesh.faces) for o in scene.objects]
     black = [(r.mesh.vertices, np.zeros_like(r.mesh.vertices), r.mesh.faces) for r in scene.reflectors]
-    return upload(lit + black, lighting.shine_of(scene))
+    return upload(lit + black, lighting.shine_of(scene), painting.paint_of(scene))
 
 
 def of_scene_seen(scene: SceneLike) -> Geometry:
     """All parts of a scene that was baked, as the eye sees them: objects with their light, mirrors with their normals."""
     lit = [(o.mesh.vertices, np.asarray(o.mesh.radiance), o.mesh.faces) for o in scene.objects]
     mirrors = [(r.mesh.vertices, np.asarray(r.mesh.normals), r.mesh.faces) for r in scene.reflectors]
-    return upload(lit + mirrors, lighting.shine_of(scene))
+    return upload(lit + mirrors, lighting.shine_of(scene), painting.paint_of(scene))
 
 
-def upload(meshes: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], shine: lighting.Shine | None = None) -> Geometry:
+def upload(
+    meshes: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]],
+    shine: lighting.Shine | None = None,
+    paint: painting.Paint | None = None,
+) -> Geometry:
     """One Geometry out of parts (vertices [V, 3], attributes [V, 3], faces [F, 3]), numbered in their order."""
     points, attributes, faces, start = [], [], [], 0
     for part, (v, a, f) in enumerate(meshes):
@@ -67,6 +73,7 @@ def upload(meshes: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], shine: l
         start,
         len(packed_faces),
         shine,
+        paint,
     )
 
 
@@ -104,13 +111,15 @@ def welded(vertices: np.ndarray) -> np.ndarray:
 
 
 def radiance(triangles: Geometry, face: mi.Vector4u, weights: mi.Vector3f, viewer: mi.Point3f, active: mi.Bool) -> mi.Color3f:
-    """What leaves triangles at the points `weights` towards `viewer`: baked light, and the highlights seen from there.
+    """What leaves triangles at the points `weights` towards `viewer`: baked light, coloured, and highlights seen from there.
 
     viewer   the eye for what is seen directly, the reflection point for what a mirror shows; world space
     triangles  in world space if they have any shine; `raster.interpolate` says what face and weights are
     """
     value = raster.interpolate(triangles.attributes, face, weights, active)
     L = mi.Color3f(value.x, value.y, value.z)
+    if triangles.paint is not None:
+        L *= painting.colour(triangles.paint, part_of(face), face, weights, active)
     if triangles.shine is None:
         return L
     spot = lighting.Spot(triangles.points, face, part_of(face), weights)

@@ -4,7 +4,8 @@ The radiance that leaves a vertex is
 
     L = L_e + ρ ∫ L_i(ω) K(ω) dω,    K(ω) = (max(0, n·ω) + max(0, n·ω')) / π
 
-emission, albedo ρ, and incoming radiance under the cosine about the vertex normal n. Over a curved mesh part of that
+emission, albedo ρ, and incoming radiance under the cosine about the vertex normal n. A texture, a factor of the albedo, is no
+part of ρ here: it is put on where the surface is looked at, by paths that come by too. Over a curved mesh part of that
 hemisphere lies below the face; those directions are mirrored at the face (ω', ω with its component along the face
 normal turned round), which keeps the energy: in uniform light a convex mesh gets exactly ρ L_i. On flat surfaces K is
 cos/π.

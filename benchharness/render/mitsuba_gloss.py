@@ -71,7 +71,7 @@ def bsdf(gloss: Gloss, albedo: mi.Texture) -> mi.BSDF:
     return Glossy()
 
 
-def radiance(gloss: Gloss, lights: Sequence[PointLight]) -> mi.Texture:
+def radiance(baked: mi.Texture, gloss: Gloss, lights: Sequence[PointLight]) -> mi.Texture:
     """What a mesh that `describe` prepared emits towards whoever looks: baked radiance, and the highlights of the lights."""
 
     class Shining(mi.Texture):
@@ -79,7 +79,7 @@ def radiance(gloss: Gloss, lights: Sequence[PointLight]) -> mi.Texture:
             super().__init__(mi.Properties())
 
         def eval(self, si, active=True):
-            L = mi.Color3f(si.shape.eval_attribute_3("vertex_radiance", si, active))
+            L = mi.Color3f(baked.eval(si, active))
             n = dr.normalize(mi.Vector3f(si.shape.eval_attribute_3("vertex_shine_normal", si, active)))
             wo = si.to_world(si.wi)
             for i, light in enumerate(lights):
@@ -99,7 +99,7 @@ def radiance(gloss: Gloss, lights: Sequence[PointLight]) -> mi.Texture:
 
 
 def describe(shape: mi.Mesh, normals: np.ndarray, visibility: np.ndarray) -> None:
-    """Gives a mesh the attributes that `radiance` reads beside `vertex_radiance`: normals [V, 3], visibility [V, L]."""
+    """Gives a mesh the attributes that `radiance` reads beside what is baked: normals [V, 3], visibility [V, L]."""
     shape.add_attribute("vertex_shine_normal", 3, np.float32(normals).ravel())
     for i, seen in enumerate(visibility.T):
         shape.add_attribute(f"vertex_visibility_{i}", 1, np.float32(seen).ravel())

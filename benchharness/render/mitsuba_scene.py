@@ -8,10 +8,11 @@
              emitters: without that the picture has no noise at all. Highlights of point lights on objects with gloss are
              part of what they emit, with the baked visibility of the lights that the methods use too; there are no
              shadow rays. All objects without gloss are one mesh: what Mitsuba does before it traces grows with the
-             square of the number of emitters, and took ten times as long as the rays of a small picture.
-"transport"  Objects are diffuse on both sides (`Mesh.albedo`, vertex normals), glossy where they have gloss (which reflects
-             everything, not only point lights), and emit where their author said so, to both sides; point lights cast
-             traced shadows.
+             square of the number of emitters, and took ten times as long as the rays of a small picture. Textures are a
+             factor of what is emitted, but for highlights.
+"transport"  Objects are diffuse on both sides (`Mesh.albedo` times the texture, vertex normals), glossy where they have gloss
+             (which reflects everything, not only point lights), and emit where their author said so, to both sides; point
+             lights cast traced shadows.
              Mitsuba can sample an emitter of constant radiance only: from one of a `mesh_attribute` most of the light
              is lost, silently. So a mesh is split: faces of one emission become one emitter each, and faces over which
              emission varies become one of `sampling_weight` 0, which paths find by chance.
@@ -26,7 +27,8 @@ where they sample emitters. Radiance is linear RGB, as is.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import drjit as dr
 import mitsuba as mi
@@ -35,7 +37,7 @@ import numpy as np
 from benchharness.cache import source_hash
 from benchharness.kernels import mitsuba_mesh
 from benchharness.modelling import winding
-from benchharness.render import mitsuba_gloss
+from benchharness.render import mitsuba_gloss, mitsuba_texture
 from benchharness.scene import Gloss, Mesh, Object, PointLight, Reflector, Scene, merged
 
 LIGHTINGS = ("baked", "transport")
@@ -74,7 +76,7 @@ def mitsuba_scene(scene: Scene, time: float, lighting: str, marks: Sequence[np.n
                 sampled |= emission is not None and bool(emission.any())
     if matt:
         meshes, of_faces = zip(*matt, strict=True)
-        shapes.append(_emitting("objects", merged(*meshes), np.concatenate(of_faces)))
+        shapes.append(_emitting("objects", meshes, np.concatenate(of_faces)))
     content: dict = {f"shape_{i:04d}": shape for i, shape in enumerate(shapes)}
     if lighting == "transport":
         for i, light in enumerate(scene.lights):
@@ -103,6 +105,8 @@ def fingerprint(scene: Scene, time: float, lighting: str) -> list:
             content += ["reflector", part.eta, part.k]
         else:
             content += [mesh.radiance] if lighting == "baked" else [mesh.albedo, mesh.emission]
+            if mesh.texture is not None:
+                content += ["texture", source_hash(mitsuba_texture.__file__), mesh.texture.digest, mesh.texture.along, mesh.uv]
             if part.gloss is not None and (scene.lights or lighting == "transport"):
                 content += ["gloss", source_hash(mitsuba_gloss.__file__), part.gloss.specular, part.gloss.exponent]
                 content += [mesh.visibility] if lighting == "baked" else []
@@ -137,13 +141,17 @@ def _conductor(reflector: Reflector) -> mi.BSDF:
     return mi.load_dict({"type": "twosided", "bsdf": {"type": "conductor", **metal}})
 
 
-def _emitting(name: str, mesh: Mesh, mark: np.ndarray, radiance: mi.Texture | None = None) -> mi.Mesh:
-    """What shines with its baked radiance, or as told."""
+def _emitting(
+    name: str, meshes: Sequence[Mesh], mark: np.ndarray, above: Callable[[mi.Texture], mi.Texture] | None = None
+) -> mi.Mesh:
+    """Meshes, as one, that shine with their baked radiance; `above` makes of that what is seen."""
     black = mi.load_dict({"type": "conductor", "specular_reflectance": _rgb((0, 0, 0))})
-    baked = mi.load_dict({"type": "mesh_attribute", "name": "vertex_radiance"})
-    emitter = _shining_both_ways(baked if radiance is None else radiance)
+    radiance = mitsuba_texture.coloured(mi.load_dict({"type": "mesh_attribute", "name": "vertex_radiance"}), meshes)
+    emitter = _shining_both_ways(radiance if above is None else above(radiance))
+    mesh = merged(*(replace(one, uv=None, texture=None) for one in meshes))
     shape = _mesh(name, mesh, mark, bsdf=black, emitter=emitter, face_normals=True)
     shape.add_attribute("vertex_radiance", 3, np.float32(mesh.radiance).ravel())
+    mitsuba_texture.describe(shape, meshes)
     return shape
 
 
@@ -184,7 +192,7 @@ def _shining_both_ways(radiance: mi.Texture, sampling_weight: float = 1.0) -> mi
 
 def _shining(part: Object, gloss: Gloss, mesh: Mesh, mark: np.ndarray, lights: Sequence[PointLight]) -> mi.Mesh:
     """The same, with the highlights of lights."""
-    shape = _emitting(part.name, mesh, mark, mitsuba_gloss.radiance(gloss, lights))
+    shape = _emitting(part.name, [mesh], mark, lambda baked: mitsuba_gloss.radiance(baked, gloss, lights))
     mitsuba_gloss.describe(shape, mesh.normals, part.seen(len(lights)))
     return shape
 
@@ -193,10 +201,10 @@ def _lit(
     part: Object, mesh: Mesh, chosen: np.ndarray, mark: np.ndarray, emission: np.ndarray | None, *, closed: bool
 ) -> mi.Mesh:
     """Faces `chosen` as a surface with one emission [3], or with what varies over its faces for None; of `closed` pieces."""
-    albedo = {"type": "mesh_attribute", "name": "vertex_albedo"}
+    albedo = mitsuba_texture.coloured(mi.load_dict({"type": "mesh_attribute", "name": "vertex_albedo"}), [mesh])
     front = {"type": "diffuse", "reflectance": albedo}
     if part.gloss is not None:
-        front = mitsuba_gloss.bsdf(part.gloss, mi.load_dict(albedo))
+        front = mitsuba_gloss.bsdf(part.gloss, albedo)
     parts: dict = {"bsdf": mi.load_dict({"type": "twosided", "bsdf": front})}
     if emission is None:
         varying = mi.load_dict({"type": "mesh_attribute", "name": "vertex_emission"})
@@ -214,9 +222,12 @@ def _lit(
         normals=np.asarray(mesh.normals)[used],
         albedo=np.asarray(mesh.albedo)[used],
         emission=np.asarray(mesh.emission)[used],
+        uv=None if mesh.uv is None else mesh.uv[used],
+        texture=mesh.texture,
     )
     shape = _mesh(part.name, piece, mark[chosen], **parts)
     shape.add_attribute("vertex_albedo", 3, np.float32(piece.albedo).ravel())
+    mitsuba_texture.describe(shape, [piece])
     if emission is None:
         shape.add_attribute("vertex_emission", 3, np.float32(piece.emission).ravel())
     return shape

@@ -20,7 +20,7 @@ import mitsuba as mi
 import numpy as np
 
 from benchharness.api import Frame, View
-from benchharness.kernels import geometry, hierarchy, mitsuba_mesh, optics, raster, surroundings
+from benchharness.kernels import geometry, hierarchy, mitsuba_mesh, optics, painting, raster, surroundings
 from benchharness.kernels.frozen import frozen
 from benchharness.render.frame import opaque
 from benchharness.scene import Scene
@@ -37,6 +37,7 @@ class World:
     radiance     4 floats per vertex: of what is lit, black for mirrors
     attributes   4 floats per vertex: radiance of what is lit, normal of mirrors in object space
     objects      parts from this number on are mirrors
+    paint        what textures need; None for a scene without
     """
 
     hierarchies: hierarchy.Hierarchies
@@ -47,6 +48,7 @@ class World:
     eta: list
     k: list
     objects: int
+    paint: painting.Paint | None
 
 
 def build(scene: Scene, time: float, way: hierarchy.Way = hierarchy.BODIES, *, robust: bool = True) -> World:
@@ -62,6 +64,7 @@ def build(scene: Scene, time: float, way: hierarchy.Way = hierarchy.BODIES, *, r
         eta=[None if metal is None else opaque(mi.Color3f, metal[0]) for metal in metals],
         k=[None if metal is None else opaque(mi.Color3f, metal[1]) for metal in metals],
         objects=len(scene.objects),
+        paint=triangles.paint,
     )
 
 
@@ -114,7 +117,7 @@ def _gbuffer(world: World, view: View):
 def _first_hits(world: World, ray: mi.Ray3f, *, coherent: bool):
     """Reflector number, whether there is one, point, normal, direction to the eye and radiance, as in `Frame`."""
     hit = hierarchy.meet(world.hierarchies, ray, coherent=coherent)
-    value = _xyz(raster.interpolate(world.attributes, hit.face, hit.weights, hit.found))
+    value = _value(world, world.attributes, hit)
     owner = geometry.part_of(hit.face)
     part = mi.Int32(owner) - world.objects
     active = hit.found & (part >= 0)
@@ -125,8 +128,14 @@ def _first_hits(world: World, ray: mi.Ray3f, *, coherent: bool):
     return dr.select(active, part, -1), active, p, mi.Normal3f(n), -ray.d, dr.select(active, 0, seen)
 
 
-def _xyz(packet: mi.Vector4f) -> mi.Vector3f:
-    return mi.Vector3f(packet.x, packet.y, packet.z)
+def _value(world: World, values: mi.Float, hit: hierarchy.Meeting) -> mi.Vector3f:
+    """Radiance or normal where rays met something."""
+    packet = raster.interpolate(values, hit.face, hit.weights, hit.found)
+    value = mi.Vector3f(packet.x, packet.y, packet.z)
+    if world.paint is None:
+        return value
+    part = geometry.part_of(hit.face)
+    return value * mi.Vector3f(painting.colour(world.paint, part, hit.face, hit.weights, hit.found))
 
 
 # Secondary rays
@@ -137,7 +146,7 @@ def _mirrored(world: World, p: mi.Point3f, n: mi.Normal3f, v: mi.Vector3f, activ
     start = p + mi.Vector3f(n) * (RAY_EPSILON * (1 + dr.max(dr.abs(p))))
     ray = mi.Ray3f(start, optics.reflect(v, n))
     hit = hierarchy.meet(world.hierarchies, ray, active, coherent=coherent)
-    value = _xyz(raster.interpolate(world.radiance, hit.face, hit.weights, hit.found))
+    value = _value(world, world.radiance, hit)
     far = surroundings.radiance(world.surroundings, ray.d, active & ~hit.found)
     return dr.select(hit.found, mi.Color3f(value), far), dr.select(hit.found, hit.t + RAY_EPSILON, dr.inf)
 

@@ -100,7 +100,7 @@ def _picture(stage: Stage, reflection: Reflection) -> np.ndarray:
         steps = mi.Float(dr.gather(mi.UInt32, vertices.iterations, there))
         light = packets.joined(mi.Point3f(steps), mi.Float(0), count)
         part = dr.opaque(mi.UInt32, seen.objects + i)
-        world = replace(seen.world, attributes=light, shine=None)
+        world = replace(seen.world, attributes=light, shine=None, paint=None)
         target = virtual.Target(frame.view, frame.p, frame.reflector == i)
         drawing = virtual.Drawing("drop")
         drawn = virtual.interpolated(virtual.nearest(images, world, part, target, drawing), target, drawing.depth)

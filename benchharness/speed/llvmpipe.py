@@ -1,7 +1,7 @@
 """Mesa's llvmpipe as a rival: the same triangles and camera drawn by OpenGL on the processor, into float32 targets.
 
 Needs moderngl (`pip install 'benchharness[speed]'`) and Mesa's EGL. Where something is missing, or EGL hands out another
-renderer, `Llvmpipe` raises `Unavailable` and says what. llvmpipe starts as many threads as
+renderer, `Llvmpipe` raises `Unavailable` and says what; so it does for scenes with textures. llvmpipe starts as many threads as
 Dr.Jit does.
 
 Rows of the targets are rows of our pictures, the first at the top: y is not turned over, so that what is
@@ -73,7 +73,7 @@ the same, with normal and radiance in one."""
 
 
 class Unavailable(RuntimeError):
-    """llvmpipe cannot be had here; the message says why."""
+    """llvmpipe cannot be had here, or not for this scene; the message says why."""
 
 
 class Llvmpipe:
@@ -83,6 +83,8 @@ class Llvmpipe:
     """
 
     def __init__(self, scene: Scene, time: float, size: tuple[int, int]) -> None:
+        if any(thing.mesh.texture is not None for thing in scene.objects):
+            raise Unavailable(f"scene {scene.name} has textures, which are not drawn here; accepted: scenes without")
         self._context = _context()
         self.renderer: str = self._context.info["GL_RENDERER"]
         vertices, closed, open_ = _geometry(scene, time)

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchharness.scene import Camera, Mesh, Reflector, Scene
+from benchharness.scene import PER_VERTEX, Camera, Mesh, Reflector, Scene
 
 
 def aside(scene: Scene, pixels: float, height: int) -> Scene:
@@ -60,18 +60,8 @@ def renumbered(scene: Scene, seed: int = 0) -> tuple[Scene, np.ndarray]:
             if not mixed:
                 was.append(start + order)
             faces = np.argsort(order)[mesh.faces][rng.permutation(len(mesh.faces))]
-            radiance, visibility = (None if v is None else v[order] for v in (mesh.radiance, mesh.visibility))
-            mixed.append(
-                Mesh(
-                    vertices=mesh.vertices[order],
-                    faces=faces,
-                    normals=mesh.normals[order],
-                    albedo=np.asarray(mesh.albedo)[order],
-                    emission=np.asarray(mesh.emission)[order],
-                    radiance=radiance,
-                    visibility=visibility,
-                )
-            )
+            carried = {name: value[order] for name in PER_VERTEX if (value := getattr(mesh, name)) is not None}
+            mixed.append(Mesh(mesh.vertices[order], faces, **carried, texture=mesh.texture))
         start += len(meshes[0].vertices)
         return mixed
 

@@ -84,6 +84,10 @@ def _add_mesh(digest: Any, mesh: Mesh) -> None:
     if mesh.visibility is not None:
         digest.update(b"visibility")
         _add(digest, mesh.visibility)
+    if mesh.texture is not None and mesh.uv is not None:
+        digest.update(" ".join(("texture", *mesh.texture.along)).encode())
+        _add(digest, mesh.uv)
+        _add(digest, np.round(65535 * mesh.texture.pixels).astype(np.uint16))
 
 
 def _add(digest: Any, values: ArrayLike) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from oracles.texture_oracle import shown
 
 from benchharness.scene import Camera, Reflector, Scene
 
@@ -40,7 +41,7 @@ def first_hits(made: Scene, time: float, width: int, height: int, beyond: np.nda
             if isinstance(thing, Reflector):
                 normal[closer] = weights[closer] @ mesh.normals[face]
             else:
-                radiance[closer] = weights[closer] @ mesh.radiance[face]
+                radiance[closer] = shown(mesh, face, weights[closer])
     p = eye + np.where(np.isfinite(best), best, 0)[:, None] * d
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
     normal *= np.where(((eye - p) * normal).sum(1) < 0, -1, 1)[:, None]
@@ -72,7 +73,7 @@ def reflected_hits(made: Scene, time: float, o: np.ndarray, d: np.ndarray, mirro
             closer = inside & (t < best)
             best, which = np.where(closer, t, best), np.where(closer, number - 1, which)
             if not isinstance(thing, Reflector):
-                radiance[closer] = weights[closer] @ mesh.radiance[face]
+                radiance[closer] = shown(mesh, face, weights[closer])
             else:
                 radiance[closer] = 0
     return which, best, radiance, margin > 1e-4

@@ -14,6 +14,8 @@ import pytest
 from support.mirror_room import balls, mirror_ball, shaded
 from support.mirror_room import scene as scene_of
 from support.small_room import small_room
+from support.textured_rooms import SHEET, noise
+from support.textured_rooms import room as papered
 from typer.testing import CliRunner
 
 from benchharness import cli
@@ -156,6 +158,17 @@ def test_without_moderngl_llvmpipe_says_how_to_get_it(room, monkeypatch):
     monkeypatch.setitem(sys.modules, "moderngl", None)
     with pytest.raises(llvmpipe.Unavailable, match=r"benchharness\[speed\]"):
         llvmpipe.Llvmpipe(room, 0.0, SIZE)
+
+
+def test_embree_shows_pictures_and_llvmpipe_says_that_it_does_not(variant):
+    made = papered(noise(), noise(seed=1), SHEET)
+    [answer] = shaded(RayTraced(), made, 0, size=SIZE)
+    view, shape = answer.frame.view, answer.L.shape
+    expected = np.where(answer.active[..., None], answer.L, np.array(answer.frame.radiance).T.reshape(shape))
+    whole = np.array(embree.picture(embree.build(made, 0.0), view, coherent=True)).T.reshape(shape)
+    assert np.mean(np.abs(whole - expected).max(axis=2) < 2e-3) > 0.99
+    with pytest.raises(llvmpipe.Unavailable, match="scene mirror_room has textures"):
+        llvmpipe.Llvmpipe(made, 0.0, SIZE)
 
 
 # Rounds and ratios

@@ -20,7 +20,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from benchharness.kernels import geometry, lighting, packets, raster
+from benchharness.kernels import geometry, lighting, packets, painting, raster
 from benchharness.kernels.frozen import frozen, roomy
 from benchharness.kernels.images import depthmap, impostor
 from benchharness.kernels.types import View
@@ -260,6 +260,8 @@ def _resolved(scene: Scene, copies: Copies, visibility: mi.UInt32, tables: Table
     back = run.z - run.x
     face = mi.Vector4u(face.x + back, face.y + back, face.z + back, face.w)
     value = raster.interpolate(scene.triangles.attributes, face, weights, hit).xyz
+    if scene.triangles.paint is not None:
+        value *= mi.Vector3f(painting.colour(scene.triangles.paint, more.y, face, weights, hit))
     a, b, k, viewer = (dr.gather(mi.Vector4f, tables.floats, (FLOATS // 4) * own + row, hit) for row in range(3, 7))
     mirror = k.w > 0
     n = dr.normalize(value)

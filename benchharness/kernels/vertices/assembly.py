@@ -175,6 +175,8 @@ def _cut(images: Images, corners: _Corners, view: View, hider: Hider, made: Asse
     carried = [] if triangles.attributes is None else [triangles.attributes]
     if shine is not None:
         carried += [triangles.points, shine.normals, shine.visibility]
+    if triangles.paint is not None:
+        carried.append(triangles.paint.uv)
     one, one_offset = _entry(triangles.points, carried, i[0], dr.select(pair, i[2], i[1]), hider, view, mixed)
     two, two_offset = _entry(triangles.points, carried, dr.select(pair, i[1], i[0]), i[2], hider, view, mixed)
     first = mi.Vector4u(i[0], dr.select(pair, i[1], vertex_count + f), vertex_count + count + f, face.w)
@@ -194,7 +196,8 @@ def _cut(images: Images, corners: _Corners, view: View, hider: Hider, made: Asse
     if shine is not None:
         lit_from, shine = carried[1], replace(shine, normals=carried[2], visibility=carried[3])
     attributes = None if triangles.attributes is None else carried[0]
-    lit = geometry.Geometry(lit_from, attributes, faces, vertex_count + 2 * count, 2 * count, shine)
+    paint = None if triangles.paint is None else replace(triangles.paint, uv=carried[-1])
+    lit = geometry.Geometry(lit_from, attributes, faces, vertex_count + 2 * count, 2 * count, shine, paint)
     bands = None
     if images.unsure is not None:
         bands = _bands(images, view, corners, made.drawn, _Cuts(mixed, pair, turn, pixel(view, one[0]), pixel(view, two[0])))

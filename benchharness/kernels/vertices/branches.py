@@ -150,6 +150,7 @@ def _repeated(images: virtual.Images, world: geometry.Geometry, places: int) -> 
     shine = world.shine
     if shine is not None:
         shine = replace(shine, normals=dr.tile(shine.normals, places), visibility=dr.tile(shine.visibility, places))
+    paint = None if world.paint is None else replace(world.paint, uv=dr.tile(world.paint.uv, places))
     return geometry.Geometry(
         points=dr.tile(world.points, places),
         attributes=None if world.attributes is None else dr.tile(world.attributes, places),
@@ -157,6 +158,7 @@ def _repeated(images: virtual.Images, world: geometry.Geometry, places: int) -> 
         vertex_count=places * world.vertex_count,
         face_count=places * world.face_count,
         shine=shine,
+        paint=paint,
     )
 
 

@@ -275,7 +275,7 @@ def world_of(
     else without light."""
     count = made.vertex_count
     points = geometry.posed(stock_points, count, poses, made.source)
-    attributes, shine = None, None
+    attributes, shine, paint = None, None, None
     if carries:
         attributes = packets.stored(dr.gather(mi.Vector4f, seen.attributes, made.source), count)
         if seen.shine is not None:
@@ -284,7 +284,9 @@ def world_of(
                 for a in (seen.shine.normals, seen.shine.visibility)
             )
             shine = replace(seen.shine, normals=normals, visibility=visibility)
-    return geometry.Geometry(points, attributes, made.faces, count, made.face_count, shine)
+        if seen.paint is not None:
+            paint = replace(seen.paint, uv=packets.stored(dr.gather(mi.Vector4f, seen.paint.uv, made.source), count))
+    return geometry.Geometry(points, attributes, made.faces, count, made.face_count, shine, paint)
 
 
 def carried(ends: Any, cold: Any, old: Choice, new: Choice, stock: Stock) -> Any:

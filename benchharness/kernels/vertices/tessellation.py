@@ -37,12 +37,13 @@ MOST_IDLE = 0.2  # this share of them
 @dataclass
 class Carried:
     """What vertices carry: packets of their places and parts in object space, and of their normals there; what
-    `geometry.Geometry` has; and `Problem.part` and `mirror`. None where there is no light or highlight, or one mirror."""
+    `geometry.Geometry` has; and `Problem.part` and `mirror`. None without light, highlights or textures, or with one mirror."""
 
     places: mi.Float
     attributes: mi.Float | None
     normals: mi.Float | None
     visibility: mi.Float | None
+    uv: mi.Float | None
     part: mi.UInt32 | None
     mirror: mi.UInt32 | None
 
@@ -50,8 +51,9 @@ class Carried:
     def of(problem: Problem, still: geometry.Geometry) -> Carried:
         """Of the vertices of a problem; `still`: in object space."""
         normals, visibility = (None, None) if still.shine is None else (still.shine.normals, still.shine.visibility)
+        uv = None if still.paint is None else still.paint.uv
         part = None if problem.mirror is None else problem.part
-        return Carried(still.points, still.attributes, normals, visibility, part, problem.mirror)
+        return Carried(still.points, still.attributes, normals, visibility, uv, part, problem.mirror)
 
 
 @dataclass
@@ -177,7 +179,7 @@ def tessellated(
     names = dict.fromkeys(name for one in counted for name in one)
     answer = Tessellated(
         made=made,
-        world=_geometry(made.carried, made.known.world, problem.poses, faces, room, total, world.shine),
+        world=_geometry(made.carried, made.known.world, problem, faces, room, total),
         piece_of=piece_of,
         was=splitting.remembered(made.known, base, count, room),
         base=base,
@@ -194,7 +196,7 @@ def again(before: Tessellated, problem: Problem) -> Problem:
     """The problem of all vertices of an earlier frame's triangles. `problem`: that of the draw list's."""
     carried, old = before.made.carried, before.world
     points = geometry.posed(carried.places, before.room, problem.poses)
-    world = _geometry(carried, points, problem.poses, old.faces, before.room, old.face_count, problem.world.shine)
+    world = _geometry(carried, points, problem, old.faces, before.room, old.face_count)
     part = problem.part if carried.part is None else carried.part
     return replace(problem, world=world, part=part, mirror=carried.mirror)
 
@@ -261,13 +263,16 @@ def _counts(
 
 
 def _geometry(
-    carried: Carried, points: mi.Float, poses: mi.Float, faces: mi.UInt32, vertices: int, count: int, shine: Any
+    carried: Carried, points: mi.Float, problem: Problem, faces: mi.UInt32, vertices: int, count: int
 ) -> geometry.Geometry:
-    """Triangles in world space, of these places there."""
+    """Triangles in world space, of these places there; what is one for all of them, the problem has."""
+    shine, paint = problem.world.shine, problem.world.paint
     if shine is not None and carried.normals is not None:
-        normals = geometry.turned(carried.places, carried.normals, vertices, poses)
+        normals = geometry.turned(carried.places, carried.normals, vertices, problem.poses)
         shine = replace(shine, normals=normals, visibility=carried.visibility)
-    return geometry.Geometry(points, carried.attributes, faces, vertices, count, shine if carried.normals is not None else None)
+    shine = None if carried.normals is None else shine
+    paint = None if paint is None or carried.uv is None else replace(paint, uv=carried.uv)
+    return geometry.Geometry(points, carried.attributes, faces, vertices, count, shine, paint)
 
 
 @frozen
@@ -320,6 +325,7 @@ def _between(
         for p in (mean(made.known.world), mean(carried.places))
     )
     attributes, normals, visibility = None, None, None
+    uv = None if carried.uv is None else packets.stored(mean(carried.uv), count)
     if carried.attributes is not None:
         attributes = packets.stored(mean(carried.attributes), count)
     if carried.normals is not None and carried.visibility is not None:
@@ -329,12 +335,12 @@ def _between(
     is_first = dr.gather(mi.Float, made.known.images.moved, 4 * a + 3) == virtual.REFLECTED
     parent = dr.select(a == b, mi.UInt32(NONE), dr.select(is_first, a, b))
     begun = lanes.gathered(made.ends, cold, parent, dr.width(made.known.off))
-    return Carried(places, attributes, normals, visibility, part, mirror), points, begun
+    return Carried(places, attributes, normals, visibility, uv, part, mirror), points, begun
 
 
 def _of_new(problem: Problem, carried: Carried, points: mi.Float, count: int) -> Problem:
     """The problem of new vertices."""
-    world = replace(problem.world, points=points, attributes=None, shine=None, vertex_count=count)
+    world = replace(problem.world, points=points, attributes=None, shine=None, paint=None, vertex_count=count)
     part = problem.part if carried.part is None else carried.part
     return replace(problem, world=world, part=part, mirror=carried.mirror, last_view=problem.view)
 
