@@ -20,12 +20,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal
 
-import drjit as dr
-import mitsuba as mi
 from pydantic import Field
 
-from benchharness.api import Frame, Knob, Method, Reflection, Vertices
-from benchharness.kernels import optics, placement
+from benchharness.api import Frame, Knob, Method, Reflection
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.vertices import (
     branches,
@@ -33,26 +30,14 @@ from benchharness.kernels.vertices import (
     newton,
     problems,
     scenery,
-    search,
     several,
     sight,
     vertexwise,
     virtual,
+    walks,
 )
-from benchharness.kernels.vertices.mirrormesh import MirrorMesh, SurfacePoint
-from benchharness.scene import Mesh, Reflector, Scene
-
-
-@dataclass
-class Ends:
-    """Where the walks of a frame ended, per vertex: triangle, weights, and whether it is worth starting from."""
-
-    on: SurfacePoint
-    warm: mi.Bool
-
-    @staticmethod
-    def cold(count: int) -> Ends:
-        return Ends(SurfacePoint(dr.zeros(mi.UInt32, count), dr.zeros(mi.Point2f, count)), dr.zeros(mi.Bool, count))
+from benchharness.kernels.vertices.mirrormesh import MirrorMesh
+from benchharness.scene import Scene
 
 
 @dataclass
@@ -115,23 +100,16 @@ class Newton(Method):
     }
 
     def prepare(self, scene: Scene) -> State:
-        meshes = [_mesh(reflector) for reflector in scene.reflectors]
-        searched, mirrors = [mesh for mesh, _ in meshes], [walked for _, walked in meshes]
+        mirrors, searched = walks.mirrors_of(scene.reflectors)
         seeds = [
             several.seeds(r.mesh.vertices, r.mesh.normals, r.mesh.faces, backs=r.closed is None)
             if self.multi > 1 and not mesh.convex
             else None
-            for r, mesh in zip(scene.reflectors, mirrors, strict=True)
+            for r, mesh in zip(scene.reflectors, mirrors.meshes, strict=True)
         ]
-        together = [i for i, mesh in enumerate(mirrors) if mesh.convex]
-        groups = [[i] for i, mesh in enumerate(mirrors) if not mesh.convex or len(together) == 1]
-        if len(together) > 1:
-            groups.append(together)
-        joined = [None if len(group) == 1 else _joined([searched[i] for i in group]) for group in groups]
-        seen = scenery.of_scene(
-            scene, searched, self.resolve, self.lod_px, scenery.pixels(self.split_px, told=self.multi == 1), groups
-        )
-        return State(seen, [], None, mirrors, seeds, joined)
+        split_px = scenery.pixels(self.split_px, told=self.multi == 1)
+        seen = scenery.of_scene(scene, searched, self.resolve, self.lod_px, split_px, mirrors.groups)
+        return State(seen, [], None, mirrors.meshes, seeds, mirrors.joined)
 
     def update(self, state: State, frame: Frame) -> State:
         return replace(state, scenery=scenery.posed(state.scenery, frame))
@@ -139,114 +117,28 @@ class Newton(Method):
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         seen = state.scenery
         drawing = virtual.Drawing(self.hidden)
+        mirrors = walks.Mirrors(state.mirrors, seen.groups, state.joined)
 
-        def solve(g: int, problem: problems.Problem, last: Ends) -> vertexwise.Solved:
-            group, joined, own = seen.groups[g], state.joined[g], {}
-            for i in group:
-                pose = placement.pose_of(frame.poses, dr.opaque(mi.UInt32, seen.objects + i))
-                own |= branches.meeting(i, state.mirrors[i], pose, self.self_reflection, frame.doubts)
-            i, pose = group[0], problem.pose
+        def solve(g: int, problem: problems.Problem, last: walks.Ends) -> vertexwise.Solved:
+            own = walks.meeting(mirrors, g, seen.objects, frame, self.self_reflection)
+            i = seen.groups[g][0]
             mesh, seeds = state.mirrors[i], state.seeds[i]
-            mirror = mesh if joined is None else joined
-
-            def find(asked: problems.Problem, start: Ends) -> problems.Found:
-                return problems.Found(*_solve(asked, mirror, start, self.hidden))
-
-            if joined is not None:
-                assert problem.of_triangles is not None
-                hider, back = sight.Shadows(joined, frame.poses, *problem.of_triangles), None
-            else:
-                hider = sight.Shadow(mesh, pose)
-                closed = mesh.closed and not mesh.convex if seeds is None else seeds.closed
-                back = virtual.nearest_back(frame.proxies[i], frame.poses, problem.part, frame.view) if closed else None
-            if seeds is not None:
-                return branches.solved(_solve_several(problem, mesh, seeds, self.multi), hider, back, drawing, own)
-            whole = mesh.convex and self.hidden == "cut"
-            return vertexwise.Solved(find(problem, last), drawing, hider, back, whole, own=own, further=find)
+            if seeds is None:
+                return walks.solved(mirrors, g, problem, last, frame, own, drawing)
+            back = walks.nearest_back(mirrors, i, problem, frame) if seeds.closed else None
+            hider = sight.Shadow(mesh, problem.pose)
+            return branches.solved(_solve_several(problem, mesh, seeds, self.multi), hider, back, drawing, own)
 
         return vertexwise.shown(
             state,
             frame,
             solve,
-            Ends.cold,
+            walks.Ends.cold,
             other_mirrors=self.other_mirrors,
             max_iter=self.max_iter,
             warm=self.warm,
             sheets=state.mirrors if self.multi == 1 else None,
         )
-
-
-def _joined(meshes: list[Mesh]) -> mirrormesh.Joined:
-    return mirrormesh.joined([(mesh.vertices, mesh.normals, mesh.faces) for mesh in meshes])
-
-
-def _mesh(reflector: Reflector) -> tuple[Mesh, MirrorMesh]:
-    """What is searched, and that ready to be walked on. The closed stand-in if it is convex: then it has no more reflections
-    than the sheet that is seen, and no rim. Else the sheet: on a bowl's wall or the inside of a ring, walks would end on sides
-    that the eye never sees."""
-    sheet, closed = reflector.mesh, reflector.closed
-    if closed is not None:
-        solid = mirrormesh.build(closed.vertices, closed.normals, closed.faces)
-        if solid.convex:
-            return closed, solid
-    return sheet, mirrormesh.build(sheet.vertices, sheet.normals, sheet.faces, backs=closed is None)
-
-
-@frozen
-def _solve(
-    problem: problems.Problem, mirror: MirrorMesh | mirrormesh.Joined, last: Ends, hides: str
-) -> tuple[virtual.Images, Vertices, Ends]:
-    """Virtual vertices, what was found of each vertex, and where the walks ended. `hides`: as `Newton.hidden` has it."""
-    (_, V, active), pose, view, max_iter = problem.vertices(), problem.pose, problem.view, problem.max_iter
-    if isinstance(mirror, MirrorMesh):
-        mesh = mirror
-    else:
-        assert problem.mirror is not None
-        mesh, pose = mirror.at(problem.mirror, pose)
-    local = placement.mirror_frame(pose, V, view)
-
-    # The mirror between eye and vertex hides it for certain if it is convex.
-    seen = sight.look_at(mesh, local, active)
-    shadow = seen.shadow
-    searched = active & ~shadow if mesh.convex else mi.Bool(active)
-    warm = last.warm & ~problems.was_cut(view, problem.last_view)
-    first, promising = newton.best_candidate(mesh, local, searched & ~warm & ~seen.near, shadow)
-    first = dr.select(seen.near, seen.on, dr.select(warm, last.on, first))
-    searched &= warm | promising | seen.near
-    walked = newton.walk(mesh, local, first, searched, max_iter, touches=seen.touches, briefly=shadow & ~warm)
-
-    # What began warm and came to nothing begins anew: the last frame's point may be a root of another kind.
-    lost = searched & warm & ~seen.near & ~walked.converged
-    first, promising = newton.best_candidate(mesh, local, lost, shadow)
-    searched &= ~lost | promising
-    again = newton.walk(mesh, local, first, lost & promising, max_iter, briefly=shadow)
-    iterations = walked.iterations + again.iterations
-    walked = dr.select(lost & promising, again, walked)
-
-    behind = shadow | ~searched | (dr.dot(local.V - walked.R, walked.n) <= 0)
-    reflected = walked.converged | (searched & ~behind & (walked.residual < search.STRAY))
-    hidden = active & behind & ~reflected
-    R, n = placement.point_to_world(pose, walked.R), placement.normal_to_world(pose, walked.n)
-    converged, free = walked.converged, None
-    if not mesh.convex:
-        # A root that the mirror hides from the eye is no reflection.
-        free = ~reflected | sight.is_free(mesh, walked.R, walked.n, local.eye, reflected)
-        converged = converged & free
-    answer = problems.Answer(
-        R=R,
-        n=n,
-        image=dr.select(reflected, optics.on_ray(V, R, view.eye), V),
-        reflected=reflected,
-        hidden=hidden,
-        converged=converged,
-        unsure=searched & ~converged,
-        residual=walked.residual,
-        iterations=iterations,
-        free=free,
-        flush=seen.touches if mesh.convex and hides == "cut" else None,
-    )
-    warm = reflected if free is None else reflected & free
-    return *problems.images_of(problem, answer), Ends(walked.on, mi.Bool(warm))
 
 
 @frozen

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import geometry, packets, raster, shown, surroundings
+from benchharness.kernels import depths, geometry, packets, raster, shown, surroundings
 from benchharness.kernels.types import View
 
 
@@ -57,6 +57,7 @@ def capture(
     n: int,
     near: mi.Float,
     around: surroundings.Surroundings,
+    beyond: mi.Float | None = None,
 ) -> mi.Float:
     """The scene around `centre`, and as seen from there: 4 floats per texel, [6, n + 2, n + 2].
 
@@ -64,13 +65,17 @@ def capture(
     drawn      Bool [face_count]
     near       metres; what is nearer to the centre along the axis of a face is not drawn
     around     what is seen where nothing else is
+    beyond     metres; what is nearer to the centre than this is not drawn, even if it is a part of a triangle; None: all is
     """
     count = (n + 2) * (n + 2)
     texels = dr.empty(mi.Float, 4 * 6 * count)
     lane = dr.arange(mi.UInt32, count)
     for face in range(6):
         view = _view(face, n, centre, near)
-        visibility = raster.rasterize(triangles.points, triangles.faces, triangles.face_count, view, drawn=drawn)
+        limit = None
+        if beyond is not None:
+            limit = depths.nearness(view, beyond * dr.rcp(dr.norm(raster.ray_through(view, lane))))
+        visibility = raster.rasterize(triangles.points, triangles.faces, triangles.face_count, view, limit=limit, drawn=drawn)
         seen = shown.at(triangles, visibility, around, view, lane)
         L, inverse = seen.value, dr.select(seen.hit, dr.rcp(dr.norm(seen.p - centre)), 0)
         dr.scatter(texels, mi.Vector4f(L.x, L.y, L.z, inverse), lane + face * count)

@@ -37,6 +37,15 @@ def of_scene(scene: SceneLike) -> Boxes:
     return Boxes(mi.Float(rows.astype(np.float32).ravel()), mi.UInt32(parts.astype(np.uint32)), len(parts))
 
 
+def of_parts(boxes: Boxes, wanted: np.ndarray) -> Boxes:
+    """The boxes of some parts, numbers [P]; all where none of them has one."""
+    kept = np.isin(np.array(boxes.parts), wanted)
+    if not kept.any():
+        return boxes
+    rows, parts = np.array(boxes.rows).reshape(-1, 12)[kept], np.array(boxes.parts)[kept]
+    return Boxes(mi.Float(rows.ravel()), mi.UInt32(parts), len(parts))
+
+
 @lru_cache(maxsize=2)
 def _found(scene: SceneLike) -> tuple[np.ndarray, np.ndarray]:
     """What `boxes.boxes` has of a scene: every method that asks gets the same."""

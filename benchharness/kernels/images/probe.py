@@ -6,7 +6,7 @@ Greene 1986). Whoever looks it up says in which direction.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import drjit as dr
@@ -62,10 +62,29 @@ def begun(scene: SceneLike) -> State:
 
 def updated(state: State, poses: mi.Float, resolution: int, *, mip: bool) -> State:
     """The maps of all reflectors where `poses` puts them, `resolution` texels per edge of a face."""
-    world = geometry.placed(state.geometry, poses)
-    probes = []
-    for part, place, box in _boxes(state, poses):
-        texels = cubemap.capture(world, owners(world) != part, place, resolution, state.near, state.surroundings)
+    return taken(state, poses, resolution, [None] * len(state.centres), mip=mip)
+
+
+def taken(
+    state: State,
+    poses: mi.Float,
+    resolution: int,
+    beyond: Sequence[mi.Float | None],
+    again: Sequence[bool] | None = None,
+    *,
+    mip: bool,
+) -> State:
+    """The maps of all reflectors, or of those that are to be taken again, the others as they were.
+
+    beyond  per reflector, as `cubemap.capture` has it
+    """
+    world, probes = geometry.placed(state.geometry, poses), []
+    for i, (part, place, box) in enumerate(_boxes(state, poses)):
+        if again is not None and not again[i]:
+            probes.append(Probe(state.probes[i].map, place, box))
+            continue
+        drawn = owners(world) != part
+        texels = cubemap.capture(world, drawn, place, resolution, state.near, state.surroundings, beyond[i])
         probes.append(Probe(pyramid(texels, resolution, mip=mip), place, box))
     return replace(state, probes=probes)
 

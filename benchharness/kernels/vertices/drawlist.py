@@ -222,37 +222,67 @@ def _levels(
 
 
 def _made(stock: Stock, group: list[int], objects: int, level: np.ndarray) -> Choice:
-    source, mirror, faces, names, face_mirror, sides = [], [], [], [], [], []
-    starts, start = np.full(level.shape, -1, int), 0
+    rows = Rows([], [], [], [], [], [])
+    starts = np.full(level.shape, -1, int)
     for k in range(len(group)):
         for p, chosen_level in enumerate(level[k]):
             if chosen_level == LEFT_OUT:
                 continue
             part = stock.parts[p][chosen_level]
-            source.append(np.arange(part.first, part.first + part.count))
-            mirror.append(np.full(part.count, k))
-            faces.append(part.faces + np.array([start, start, start, 0], np.uint32))
-            names.append(part.names)
-            face_mirror.append(np.full(len(part.faces), k))
-            if part.edges is not None:
-                sides.append((part.edges, start))
-            starts[k, p] = start
-            start += part.count
-    total = sum(map(len, faces))
-    vertices, triangles = roomy(start), roomy(total)
-    owner = np.array(group) + objects
-    # What fills up is a vertex of the first mirror that is not searched in it, and triangles of that.
-    own = stock.parts[owner[0]][0].first
-    fill, more = vertices - start, triangles - total
-    source = np.concatenate([*source, np.full(fill, own)])
-    mirror = np.concatenate([*mirror, np.zeros(fill, int)])
-    face_mirror = np.concatenate([*face_mirror, np.zeros(more, int)])
-    spare = np.tile(np.array([0, 0, 0, owner[0]], np.uint32), (more, 1))
-    packed, named = np.concatenate([*faces, spare]), np.concatenate([*names, np.full(more, NONE)])
-    on_device = [mi.UInt32(np.asarray(a, np.uint32).ravel()) for a in (source, owner[mirror], mirror, packed, named)]
-    on_device += [mi.UInt32(a.astype(np.uint32)) for a in (owner[face_mirror], face_mirror)]
-    split = edges.uploaded(sides, triangles) if sides else None
-    return Choice(level, starts, _lanes(stock, level, starts), DrawList(*on_device, split, vertices, triangles))
+            starts[k, p] = rows.count
+            rows.add(k, np.arange(part.first, part.first + part.count), part.faces, part.names, part.edges)
+    return Choice(level, starts, _lanes(stock, level, starts), rows.made(stock, group, objects))
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """The rows of a list as it is put together on the host, part by part.
+
+    source, mirror      per vertex, as `DrawList` has them
+    faces, names, face_mirror  per triangle, likewise
+    sides               edges, and the lane of the first vertex that they count from
+    """
+
+    source: list[np.ndarray]
+    mirror: list[np.ndarray]
+    faces: list[np.ndarray]
+    names: list[np.ndarray]
+    face_mirror: list[np.ndarray]
+    sides: list[tuple[edges.Edges, int]]
+
+    @property
+    def count(self) -> int:
+        """Vertices so far."""
+        return sum(map(len, self.source))
+
+    def add(self, k: int, source: np.ndarray, faces: np.ndarray, names: np.ndarray, sides: edges.Edges | None) -> None:
+        """Vertices and triangles of a part for mirror number k of the group. faces: as in `Stocked`, of these vertices."""
+        start = self.count
+        self.source.append(source)
+        self.mirror.append(np.full(len(source), k))
+        self.faces.append(faces + np.array([start, start, start, 0], np.uint32))
+        self.names.append(names)
+        self.face_mirror.append(np.full(len(faces), k))
+        if sides is not None:
+            self.sides.append((sides, start))
+
+    def made(self, stock: Stock, group: list[int], objects: int) -> DrawList:
+        """The list on the device."""
+        count, total = self.count, sum(map(len, self.faces))
+        vertices, triangles = roomy(count), roomy(total)
+        owner = np.array(group) + objects
+        # What fills up is a vertex of the first mirror that is not searched in it, and triangles of that.
+        own = stock.parts[owner[0]][0].first
+        fill, more = vertices - count, triangles - total
+        source = np.concatenate([*self.source, np.full(fill, own)])
+        mirror = np.concatenate([*self.mirror, np.zeros(fill, int)])
+        face_mirror = np.concatenate([*self.face_mirror, np.zeros(more, int)])
+        spare = np.tile(np.array([0, 0, 0, owner[0]], np.uint32), (more, 1))
+        packed, named = np.concatenate([*self.faces, spare]), np.concatenate([*self.names, np.full(more, NONE)])
+        on_device = [mi.UInt32(np.asarray(a, np.uint32).ravel()) for a in (source, owner[mirror], mirror, packed, named)]
+        on_device += [mi.UInt32(a.astype(np.uint32)) for a in (owner[face_mirror], face_mirror)]
+        split = edges.uploaded(self.sides, triangles) if self.sides else None
+        return DrawList(*on_device, split, vertices, triangles)
 
 
 def _lanes(stock: Stock, level: np.ndarray, starts: np.ndarray) -> list[mi.UInt32]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from benchharness.kernels import geometry, passage, surroundings
 from benchharness.kernels.types import Frame, MeshLike, SceneLike
-from benchharness.kernels.vertices import adjacency, drawlist
+from benchharness.kernels.vertices import adjacency, drawlist, nearlist
 
 FLAT = 1e-6  # how much normals of a flat mirror differ
 HOLLOW = 1e-3  # radians that a normal may turn inwards along an edge of a mirror that is nowhere hollow
@@ -33,6 +33,7 @@ class Scenery:
     split_px      pixels that the image of an edge may be off a straight line, or else it is split; 0 where none is
     flat, bulges  per reflector, whether all its normals are one, and whether it is nowhere hollow; False where no edge is split
     still         the poses of parts that are where they were modelled
+    near          which triangles are searched and drawn for which mirror, of a stock of parts as they are; None for all
     """
 
     triangles: geometry.Geometry
@@ -49,6 +50,7 @@ class Scenery:
     flat: tuple[bool, ...]
     bulges: tuple[bool, ...]
     still: mi.Float
+    near: nearlist.Near | None = None
 
     def parts_shown(self, others: str) -> int:
         """Parts from this number on are left out: other mirrors are shown "black" or "omitted"."""

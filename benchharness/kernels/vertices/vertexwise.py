@@ -23,6 +23,7 @@ from benchharness.kernels.vertices import (
     edgeerror,
     exact,
     meshwalk,
+    nearlist,
     reporting,
     several,
     sight,
@@ -183,12 +184,19 @@ def _drawn(
     problem = replace(problem, part=part)
     if stock is not None:
         old = None if last is None else last.choice
-        choice = drawlist.chosen(stock, group, frame, seen.objects, parts, seen.lod_px, old)
+        if seen.near is None:
+            choice = drawlist.chosen(stock, group, frame, seen.objects, parts, seen.lod_px, old)
+        else:
+            choice = nearlist.chosen(stock, group, seen.near, seen.objects, parts, old)
         made = choice.made
         if end is not None and old is not None and old is not choice:
             if last is not None and last.pieces is not None:
                 end = lanes.first(last.pieces.made.ends, last.pieces.room, last.pieces.base)
-            end = drawlist.carried(end, cold(made.vertex_count), old, choice, stock)
+            cold_ends = cold(made.vertex_count)
+            if seen.near is None:
+                end = drawlist.carried(end, cold_ends, old, choice, stock)
+            else:
+                end = nearlist.carried(end, cold_ends, old, choice)
         world = drawlist.world_of(stock.points, made, frame.poses, seen.world, carries=seen.beside is None)
         problem = replace(problem, world=world)
         if len(group) > 1:
