@@ -61,16 +61,13 @@ def _place(scene: Scene) -> Iterator[Note]:
     corners = np.concatenate([part.mesh.vertices for part in scene.reflectors or scene.objects])
     away = float(np.linalg.norm(0.5 * (corners.min(axis=0) + corners.max(axis=0))))
     if away > FAR * scene.size:
-        yield Note(
-            f"the mirrors stand {away:.4g} m from the origin, {away / scene.size:,.0f} times their size: drawn around it", wrong=True
-        )
+        text = f"the mirrors stand {away:.4g} m from the origin, {away / scene.size:,.0f} times their size"
+        yield Note(f"{text}: drawn around it", wrong=True)
     everything = np.concatenate([part.mesh.vertices for part in scene.parts])
     extent = float(np.linalg.norm(np.ptp(everything, axis=0)))
     if extent > FAR * scene.size:
-        yield Note(
-            f"the scene is {extent:.4g} m across and its smallest mirror {2 * scene.size:.4g}: are the units those of one file?",
-            wrong=True,
-        )
+        text = f"the scene is {extent:.4g} m across and its smallest mirror {2 * scene.size:.4g}"
+        yield Note(f"{text}: are the units those of one file?", wrong=True)
 
 
 def _part(part: Object | Reflector, scene: Scene, size: tuple[int, int]) -> Iterator[Note]:
@@ -80,11 +77,8 @@ def _part(part: Object | Reflector, scene: Scene, size: tuple[int, int]) -> Iter
         yield Note(f"{part.name}: {text}", wrong=True)
     longest = longest_edge_px(part, scene, size)
     if not mirror and longest > WIDE * size[1] and part.mesh.radiance is None and scene.h_max is None:
-        yield Note(
-            f"{part.name}: edges of up to {longest:.0f} px in a picture {size[1]} px high, and light is known at their ends alone: "
-            "shadows on it are as coarse as that (h_max splits it)",
-            wrong=True,
-        )
+        text = f"{part.name}: edges of up to {longest:.0f} px, the picture being {size[1]} high, and light at their ends alone"
+        yield Note(f"{text}: shadows on it are as coarse as that (h_max splits it)", wrong=True)
 
 
 def longest_edge_px(part: Object | Reflector, scene: Scene, size: tuple[int, int]) -> float:
@@ -133,4 +127,3 @@ def _refusals(scene: Scene, entries: Sequence[Entry], say: Callable[[str], None]
         else:
             taken.append(entry.method)
     yield Note(f"methods that take it: {', '.join(dict.fromkeys(taken)) or 'none'}", wrong=not taken)
-

@@ -38,7 +38,8 @@ def scenes(path: Path) -> Iterator[tuple[Scene, list[str]]]:
     eye, target = (-1.2 * HALF, -4.5 * HALF, 1.0 * HALF + 0.8 * height), (0.6 * HALF, 0.0, 0.45 * max(height, HALF))
     camera = Camera(eye, target, 40.0)
     shape = trimesh.creation.icosphere(subdivisions=4, radius=0.7 * HALF)
-    ball = Mesh(shape.vertices + (2.0 * HALF, 0.3 * HALF, 0.7 * HALF), shape.faces, shape.vertices / (0.7 * HALF))
+    beside = HALF * np.array([2.0, 0.3, 0.7])
+    ball = Mesh(shape.vertices + beside, shape.faces, shape.vertices / (0.7 * HALF))
     common: dict = {"frames": 1, "camera": lambda time: camera, "environment": _surroundings()}
     yield Scene(f"{path.stem} seen", (_ground(), *objects), (Reflector("ball", ball),), **common), notes
     mirror = Reflector(path.stem, standing(placed.mesh(asset, np.eye(4))))
@@ -55,7 +56,7 @@ def _ground() -> Object:
     dark = ((np.arange(32)[:, None] + np.arange(32)) % 2 == 0).reshape(-1)
     albedo = np.repeat(np.where(dark[:, None], (0.25, 0.28, 0.3), (0.7, 0.68, 0.62)), 4, axis=0)
     first = 4 * np.arange(len(quads))[:, None]
-    faces = np.concatenate([first + (0, 1, 2), first + (0, 2, 3)])
+    faces = np.concatenate([first + np.array([0, 1, 2]), first + np.array([0, 2, 3])])
     return Object("ground", Mesh(vertices, faces, albedo=albedo), "what the file stands on")
 
 

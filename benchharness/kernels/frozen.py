@@ -34,8 +34,8 @@ def frozen(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def frozen_by_width(function: Callable[P, R]) -> Callable[P, R]:
-    """The same, recorded anew for every width of its arrays, too: for kernels that gather from arrays of whatever width, and are
-    as wide as numbers say."""
+    """The same, recorded anew for every width of its arrays, too: for kernels that gather from arrays of any width, and are as
+    wide as numbers say."""
     return _recorded(function, lambda arguments: chain(_numbers(arguments), _widths(arguments)))
 
 

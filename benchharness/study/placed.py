@@ -12,10 +12,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from benchharness.assets import pictures, reading
-from benchharness.assets.asset import Asset, Material, Part, Refused
-from benchharness.modelling.winding import crossed
-from benchharness.scene import Mesh, Object, merged
+from benchharness.assets import reading
+from benchharness.assets.asset import Asset, Part, Refused
+from benchharness.scene import Mesh, Object, Texture, merged
 
 METRES = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 HUGE, TINY = 200.0, 0.005  # metres: what is larger or smaller is said, as it may be meant in another unit
@@ -127,12 +126,12 @@ def objects(asset: Asset, entry: ObjectTable, at: np.ndarray) -> tuple[list[Obje
     groups: dict[Any, list[Part]] = {}
     for part in asset.parts:
         m = part.material
-        look = None if entry.albedo is not None else (m.name, m.base_colour, id(m.picture), m.wrap, m.emission)
+        look = None if entry.albedo is not None else (m.name, m.base_colour, id(m.picture), m.wrap, m.emission, part.uv is None)
         groups.setdefault(look, []).append(part)
-    found = []
+    found, made = [], {}
     names = _names([parts[0].material.name for parts in groups.values()]) if len(groups) > 1 else [""]
     for material, parts in zip(names, groups.values(), strict=True):
-        meshes = [Mesh(part.vertices, part.faces, part.normals, *_look(part, entry, said)) for part in parts]
+        meshes = [Mesh(part.vertices, part.faces, part.normals, **_look(part, entry, made, said)) for part in parts]
         shown = entry.shows or " of ".join([material, asset.path.name] if material else [asset.path.name])
         name = f"{entry.name}/{material}" if material else entry.name
         found.append(Object(name, merged(*meshes).transformed(at), shown))
@@ -164,23 +163,21 @@ def _names(materials: list[str]) -> list[str]:
     return out
 
 
-def _look(part: Part, entry: ObjectTable, said: list[str]) -> tuple[Any, Any]:
-    """Albedo, [3] or [V, 3], and emission, [3], of a part."""
-    emission = part.material.emission if entry.emission is None else entry.emission
+def _look(part: Part, entry: ObjectTable, pictures: dict[int, Texture], said: list[str]) -> dict[str, Any]:
+    """Albedo, [3] or [V, 3], emission, [3], and texture of a part; `pictures` made so far, by the picture they are of."""
+    m = part.material
+    emission = m.emission if entry.emission is None else entry.emission
     if entry.albedo is not None:
-        return entry.albedo, emission
-    colour = np.array(part.material.base_colour) * _picture(part, part.material, said)
-    colour = colour if part.colours is None else colour * part.colours
+        return {"albedo": entry.albedo, "emission": emission}
+    colour = np.array(m.base_colour) * (1.0 if part.colours is None else part.colours)
     if colour.max() > 1.0:
-        said.append(f"the colour of material {part.material.name} goes beyond 1, and is clipped")
-    return np.clip(colour, 0.0, 1.0), emission
-
-
-def _picture(part: Part, material: Material, said: list[str]) -> np.ndarray:
-    """The mean colour [3] of a part's picture; white without one."""
-    if material.picture is None or part.uv is None:
-        return np.ones(3)
-    area = np.linalg.norm(crossed(part.vertices, part.faces), axis=1)
-    mean = pictures.mean(material.picture, part.uv, part.faces, area, material.wrap)
-    said.append(f"the picture of material {material.name} is drawn as its mean colour")
-    return mean
+        said.append(f"the colour of material {m.name} goes beyond 1, and is clipped")
+    look: dict[str, Any] = {"albedo": np.clip(colour, 0.0, 1.0), "emission": emission}
+    if m.picture is None or part.uv is None:
+        return look
+    if any(emission):
+        said.append(f"material {m.name} shines: its picture is left out")
+        return look
+    if id(m.picture) not in pictures:
+        pictures[id(m.picture)] = Texture(np.clip(m.picture, 0.0, 1.0), m.wrap)
+    return {**look, "uv": part.uv, "texture": pictures[id(m.picture)]}

@@ -47,7 +47,7 @@ def test_a_mirror_that_sees_nothing_but_a_lamp_is_said_to_be_black(tmp_path):
 
 def test_bright_surroundings_are_something_to_see(tmp_path):
     (mirror,) = mirrors.first_frame(scene(background=(0.5, 0.5, 0.5)), SIZE, 16).mirrors
-    assert (mirror.nothing, mirror.black) == (0.0, 0.0)
+    assert mirror.nothing == 0.0 and mirror.black < 0.01  # it sees itself at its outline
     assert not any(text.startswith("! mirror") for text in notes(scene(background=(0.5, 0.5, 0.5)), tmp_path))
 
 
@@ -57,9 +57,9 @@ def test_the_picture_is_the_frame_with_the_mirrors_outlined(tmp_path):
     picture = np.asarray(Image.open(tmp_path / "picture.png"))
     outline = (picture == mirrors.OUTLINE).all(axis=2)
     assert outline.any() and not (outline & (seen.number < 0)).any()
-    inner = seen.number == 0
-    inner[1:-1, 1:-1] &= inner[:-2, 1:-1] & inner[2:, 1:-1] & inner[1:-1, :-2] & inner[1:-1, 2:]
-    assert outline.sum() <= (seen.number == 0).sum() - inner.sum() + 4 * 8  # a line, one pixel wide but for corners
+    padded = np.pad(seen.number, 1, constant_values=-1)
+    around = [padded[1 + i : 65 + i, 1 + j : 97 + j] for i in (-1, 0, 1) for j in (-1, 0, 1)]
+    assert np.array_equal(outline, (seen.number == 0) & (np.min(around, axis=0) < 0))
     assert (picture[~outline] == seen.image[~outline]).all()
     assert seen.image.shape == (64, 96, 3) and metrics.display(np.ones((1, 1, 3)), 0.0).max() == 1.0
 

@@ -266,11 +266,11 @@ def test_a_file_without_colours_is_grey_and_one_with_colours_of_vertices_has_the
     assert built(tmp_path, objects=things, h_max=10.0).objects[0].mesh.albedo.tolist() == [[1, 0, 0], [1, 0, 0], [0, 0, 1]]
 
 
-def test_a_picture_counts_by_its_mean_where_it_is_used(tmp_path):
+def test_a_picture_is_the_texture_of_its_material_where_the_file_has_it(tmp_path):
     from PIL import Image
 
     rows = np.zeros((4, 4, 3), np.uint8)
-    rows[:2] = 255  # the upper half white; coordinates below reach from v = 0.25 to 1
+    rows[:2] = 255  # the upper half white
     Image.fromarray(rows).save(tmp_path / "p.png")
     (tmp_path / "p.mtl").write_text("newmtl m\nKd 1 0.5 1\nmap_Kd p.png\n")
     uv = "vt 0 0.25\nvt 0.999 0.25\nvt 0.999 0.999\nvt 0 0.999\n"
@@ -283,8 +283,13 @@ def test_a_picture_counts_by_its_mean_where_it_is_used(tmp_path):
     built(tmp_path)
     table = tablescene.SceneTable.model_validate(table, strict=False)
     scene, notes = tablescene.built("mine", table, tmp_path, "f.toml: mine")
-    assert scene.objects[0].mesh.albedo[0] == pytest.approx([2 / 3, 1 / 3, 2 / 3], abs=0.02)
-    assert "object p, p.obj: " in notes[0] and "the picture of material m is drawn as its mean colour" in notes[0]
+    mesh = scene.objects[0].mesh
+    assert mesh.albedo[0] == pytest.approx([1, 0.5, 1]) and "picture" not in str(notes)
+    assert mesh.texture is not None and mesh.texture.pixels[:, 0, 0].tolist() == [1, 1, 0, 0]
+    assert mesh.uv is not None and mesh.uv[:, 1] == pytest.approx(np.where(mesh.vertices[:, 1] > 0.5, 0.999, 0.25), abs=0.5)
+    grey = {**table.model_dump(mode="json"), "objects": [{"name": "p", "mesh": "p.obj", "albedo": [0.2, 0.2, 0.2]}]}
+    plain = tablescene.build("mine", tablescene.SceneTable.model_validate(grey, strict=False), tmp_path, "f.toml: mine")
+    assert plain.objects[0].mesh.texture is None  # the table's colour replaces the file's
 
 
 @pytest.mark.parametrize(
