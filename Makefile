@@ -27,7 +27,7 @@ test-claims: $(VENV)/ready-dev
 check: $(VENV)/ready-dev
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/ruff check .
-	$(VENV)/bin/pyright
+	$(VENV)/bin/pyright --threads
 
 speed: $(VENV)/ready
 	$(RUN) benchharness speed

@@ -62,4 +62,4 @@ def save(path: Path, seen: FirstFrame) -> None:
     edge = seen.number != ndimage.grey_erosion(seen.number, size=(3, 3))
     edge |= seen.number != ndimage.grey_dilation(seen.number, size=(3, 3))
     edge &= seen.number >= 0
-    metrics.save_png(path, np.where(edge[..., None], np.uint8(OUTLINE), seen.image))
+    metrics.save_png(path, np.where(edge[..., None], np.array(OUTLINE, np.uint8), seen.image))
