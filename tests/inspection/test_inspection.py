@@ -13,7 +13,6 @@ from typer.testing import CliRunner
 
 from benchharness import cli, inspection
 from benchharness.inspection import mirrors, report
-from benchharness.measure import metrics
 from benchharness.scene import Camera, Mesh, Object, Reflector, Scene
 
 SIZE = (96, 64)
@@ -61,7 +60,7 @@ def test_the_picture_is_the_frame_with_the_mirrors_outlined(tmp_path):
     around = [padded[1 + i : 65 + i, 1 + j : 97 + j] for i in (-1, 0, 1) for j in (-1, 0, 1)]
     assert np.array_equal(outline, (seen.number == 0) & (np.min(around, axis=0) < 0))
     assert (picture[~outline] == seen.image[~outline]).all()
-    assert seen.image.shape == (64, 96, 3) and metrics.display(np.ones((1, 1, 3)), 0.0).max() == 1.0
+    assert seen.image.shape == (64, 96, 3)
 
 
 def test_the_longest_edge_of_a_square_before_the_eye_is_as_long_as_it_is_drawn():
