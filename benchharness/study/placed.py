@@ -123,7 +123,7 @@ def mesh(asset: Asset, at: np.ndarray) -> Mesh:
 
 def objects(asset: Asset, entry: ObjectTable, at: np.ndarray) -> tuple[list[Object], list[str]]:
     """An object for every material of a file, or one if the table gives its albedo; and what has to be said of them."""
-    said: list[str] = []
+    said, pictured = [], {}
     groups: dict[Any, list[Part]] = {}
     for part in asset.parts:
         m = part.material
@@ -132,10 +132,12 @@ def objects(asset: Asset, entry: ObjectTable, at: np.ndarray) -> tuple[list[Obje
     found = []
     names = _names([parts[0].material.name for parts in groups.values()]) if len(groups) > 1 else [""]
     for material, parts in zip(names, groups.values(), strict=True):
-        meshes = [Mesh(part.vertices, part.faces, part.normals, *_look(part, entry, said)) for part in parts]
+        meshes = [Mesh(part.vertices, part.faces, part.normals, *_look(part, entry, said, pictured)) for part in parts]
         shown = entry.shows or " of ".join([material, asset.path.name] if material else [asset.path.name])
         name = f"{entry.name}/{material}" if material else entry.name
         found.append(Object(name, merged(*meshes).transformed(at), shown))
+    if pictured:
+        said.append(f"pictures are drawn as their mean colours, of material {', '.join(pictured)}")
     return found, list(dict.fromkeys(said))
 
 
@@ -164,23 +166,22 @@ def _names(materials: list[str]) -> list[str]:
     return out
 
 
-def _look(part: Part, entry: ObjectTable, said: list[str]) -> tuple[Any, Any]:
-    """Albedo, [3] or [V, 3], and emission, [3], of a part."""
+def _look(part: Part, entry: ObjectTable, said: list[str], pictured: dict[str, None]) -> tuple[Any, Any]:
+    """Albedo, [3] or [V, 3], and emission, [3], of a part; names of materials with a picture go to `pictured`."""
     emission = part.material.emission if entry.emission is None else entry.emission
     if entry.albedo is not None:
         return entry.albedo, emission
-    colour = np.array(part.material.base_colour) * _picture(part, part.material, said)
+    colour = np.array(part.material.base_colour) * _picture(part, part.material, pictured)
     colour = colour if part.colours is None else colour * part.colours
     if colour.max() > 1.0:
         said.append(f"the colour of material {part.material.name} goes beyond 1, and is clipped")
     return np.clip(colour, 0.0, 1.0), emission
 
 
-def _picture(part: Part, material: Material, said: list[str]) -> np.ndarray:
+def _picture(part: Part, material: Material, pictured: dict[str, None]) -> np.ndarray:
     """The mean colour [3] of a part's picture; white without one."""
     if material.picture is None or part.uv is None:
         return np.ones(3)
     area = np.linalg.norm(crossed(part.vertices, part.faces), axis=1)
-    mean = pictures.mean(material.picture, part.uv, part.faces, area, material.wrap)
-    said.append(f"the picture of material {material.name} is drawn as its mean colour")
-    return mean
+    pictured[material.name] = None
+    return pictures.mean(material.picture, part.uv, part.faces, area, material.wrap)

@@ -284,7 +284,7 @@ def test_a_picture_counts_by_its_mean_where_it_is_used(tmp_path):
     table = tablescene.SceneTable.model_validate(table, strict=False)
     scene, notes = tablescene.built("mine", table, tmp_path, "f.toml: mine")
     assert scene.objects[0].mesh.albedo[0] == pytest.approx([2 / 3, 1 / 3, 2 / 3], abs=0.02)
-    assert "object p, p.obj: " in notes[0] and "the picture of material m is drawn as its mean colour" in notes[0]
+    assert "object p, p.obj: " in notes[0] and "pictures are drawn as their mean colours, of material m" in notes[0]
 
 
 @pytest.mark.parametrize(
