@@ -92,8 +92,10 @@ class Document:
             raise Refused(f"accessor {index} has matrices of {dtype.name}; accepted: float32")
         if "bufferView" in said:
             values = self._rows(said["bufferView"], said.get("byteOffset", 0), dtype, width, count, f"accessor {index}").copy()
-        else:
+        elif "sparse" in said:
             values = np.zeros((count, width), dtype)
+        else:
+            raise Refused(f"accessor {index} has no numbers; accepted: a buffer view or sparse numbers")
         if "sparse" in said:
             sparse, number = said["sparse"], said["sparse"]["count"]
             where, what = sparse["indices"], sparse["values"]

@@ -172,9 +172,9 @@ def _numbers(
     words = [word for face in faces for word in face]
     slashes = {word.count("/") for word in words}
     try:
-        if len(slashes) == 1 and max(slashes) <= 2:
-            table = np.array([word.split("/") for word in words])
-            given = np.where(table == "", "0", table).astype(np.int64)
+        flat = " ".join(words).replace("//", "/0/").replace("/", " ").split()
+        if len(slashes) == 1 and max(slashes) <= 2 and len(flat) == len(words) * (max(slashes) + 1):
+            given = np.array([int(n) for n in flat], np.int64).reshape(len(words), -1)
             given = np.concatenate([given, np.zeros((len(given), 3 - given.shape[1]), np.int64)], axis=1)
         else:
             given = np.array([[int(n or 0) for n in [*word.split("/"), "", ""][:3]] for word in words], np.int64)

@@ -128,7 +128,8 @@ def objects(asset: Asset, entry: ObjectTable, at: np.ndarray) -> tuple[list[Obje
         m = part.material
         look = None if entry.albedo is not None else (m.name, m.base_colour, id(m.picture), m.wrap, m.emission, part.uv is None)
         groups.setdefault(look, []).append(part)
-    found, made = [], {}
+    found: list[Object] = []
+    made: dict[int, Texture] = {}
     names = _names([parts[0].material.name for parts in groups.values()]) if len(groups) > 1 else [""]
     for material, parts in zip(names, groups.values(), strict=True):
         meshes = [Mesh(part.vertices, part.faces, part.normals, **_look(part, entry, made, said)) for part in parts]

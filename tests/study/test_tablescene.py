@@ -286,7 +286,7 @@ def test_a_picture_is_the_texture_of_its_material_where_the_file_has_it(tmp_path
     mesh = scene.objects[0].mesh
     assert mesh.albedo[0] == pytest.approx([1, 0.5, 1]) and "picture" not in str(notes)
     assert mesh.texture is not None and mesh.texture.pixels[:, 0, 0].tolist() == [1, 1, 0, 0]
-    assert mesh.uv is not None and mesh.uv[:, 1] == pytest.approx(np.where(mesh.vertices[:, 1] > 0.5, 0.999, 0.25), abs=0.5)
+    assert mesh.uv is not None and mesh.uv[:, 1] == pytest.approx(0.25 + 0.749 * mesh.vertices[:, 1])
     grey = {**table.model_dump(mode="json"), "objects": [{"name": "p", "mesh": "p.obj", "albedo": [0.2, 0.2, 0.2]}]}
     plain = tablescene.build("mine", tablescene.SceneTable.model_validate(grey, strict=False), tmp_path, "f.toml: mine")
     assert plain.objects[0].mesh.texture is None  # the table's colour replaces the file's

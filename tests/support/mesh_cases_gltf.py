@@ -345,6 +345,11 @@ NUMBERS = [
         refused="KHR_draco_mesh_compression",
     ),
     Case("compressed by Draco, and not said to be", made(draco), refused="KHR_draco_mesh_compression"),
+    Case(
+        "numbers that are nowhere",
+        made(lambda g: (cube()(g), g.json["accessors"][0].pop("bufferView"))),
+        refused="accessor 0 has no numbers",
+    ),
     Case("compressed by meshopt", made(meshopt), refused="EXT_meshopt_compression"),
     Case("an extension of the future", made(cube(json={"extensionsRequired": ["EXT_voxels"]})), refused="requires EXT_voxels"),
     Case(

@@ -95,7 +95,7 @@ PLY = [
     Case("little endian", ply("<", mesh(CUBE, TRIANGLES)), **whole_cube),
     Case("big endian", ply(">", mesh(CUBE, TRIANGLES)), **whole_cube),
     Case("squares", ply("<", mesh(CUBE, QUADS)), **whole_cube),
-    Case("squares and triangles, big endian", ply(">", mesh(CUBE, [*QUADS[:5], *TRIANGLES[10:]])), **whole_cube),
+    Case("squares and triangles, big endian", ply(">", mesh(CUBE, [*TRIANGLES[10:], *QUADS[:5]])), **whole_cube),
     Case("squares and triangles, text", ply("ascii", mesh(CUBE, [*QUADS[:5], *TRIANGLES[10:]])), **whole_cube),
     Case(
         "doubles and other integers",
@@ -197,6 +197,15 @@ PLY = [
         says=(MADE,),
     ),
     Case(
+        "colours of 16 bits",
+        ply(
+            "<",
+            mesh(corners, [[0, 1, 2]], [c.replace("uchar", "ushort") for c in RGB], [tuple(257 * x for x in c) for c in three]),
+        ),
+        colours=seen,
+        says=(MADE,),
+    ),
+    Case(
         "colours in floating point up to 255",
         ply(">", mesh(corners, [[0, 1, 2]], ["float red", "float green", "float blue"], [tuple(map(float, c)) for c in three])),
         colours=seen,
@@ -228,9 +237,9 @@ PLY = [
             "<",
             mesh(
                 SQUARE,
-                flat_square,
+                [[0, 1, 2], [0, 2, 3]],
                 face=[*FACE, "list uchar float texcoord"],
-                face_each=[(list(SQUARE_UV.reshape(-1)),)],
+                face_each=[(list(SQUARE_UV[[0, 1, 2]].reshape(-1)),), (list(SQUARE_UV[[0, 2, 3]].reshape(-1)),)],
             ),
             named,
         ),
