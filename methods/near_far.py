@@ -135,8 +135,8 @@ class NearFar(Method):
     def update(self, state: State, frame: Frame) -> State:
         division = state.division.moved(refresh.matrices(frame.poses))
         state = replace(state, scenery=scenery.posed(state.scenery, frame), division=division)
-        if self.split is None:
-            return state
+        if self.split is None:  # an eye decides; until it is there, the last one did
+            return self._reaching(state, frame, division.reach.tolist()) if state.reach else state
         return self._reaching(state, frame, [self.split * mirror.extent for mirror in division.mirrors])
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:

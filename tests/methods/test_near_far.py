@@ -301,6 +301,19 @@ def test_a_map_is_taken_again_when_something_moves_that_it_shows_or_its_mirror()
         assert (np.abs(answers[1].L - fresh.L).max(axis=2) > 0.01).mean() < 0.01
 
 
+def test_what_moves_costs_its_map_in_update_and_not_in_shade():
+    """Once an eye has decided how far the ball reaches."""
+    far = thing("far", ball(0.2, (1.3, -0.6, 0.4), (0.1, 0.1, 0.9)), shift(0.02))
+    made = scene((walls(), far), (mirror_ball(),))
+    renderer, method = FrameRenderer(made, 32, 24), NearFar(resolution=16)
+    first, second = (renderer.render(k) for k in range(2))
+    _, before = method.shade(method.update(method.prepare(made), first), first)
+    updated = method.update(before, second)
+    _, after = method.shade(updated, second)
+    maps = [state.probes.probes[0].map.texels for state in (before, updated, after)]
+    assert maps[0] is not maps[1] and maps[1] is maps[2]
+
+
 def test_vertices_that_stay_near_start_from_where_they_were():
     """The list changes as a ball comes near; what was in it before is found in fewer steps than anew."""
     coming = thing("coming", ball(0.1, (0.0, -0.2, 1.6), (0.9, 0.1, 0.1)), shift(0, 0, -0.25))
