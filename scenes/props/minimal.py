@@ -79,6 +79,19 @@ def grid(origin, u, v, cells: tuple[int, int], one=GREY, other=(0.75, 0.75, 0.72
     return shapes.tiles(origin, u, v, cells, colours)
 
 
+WALLS = (
+    (0.30, 0.36, 0.45), (0.46, 0.48, 0.40), (0.24, 0.36, 0.30), (0.50, 0.50, 0.56), (0.36, 0.33, 0.42), (0.40, 0.46, 0.50),
+)  # fmt: skip
+"""Of a room's sides, in the order of `shapes.FACES`; none is like the colours above."""
+
+
+def room(lo, hi, omit: str = "") -> Mesh:
+    """A box that is seen from inside, each side of a colour of its own, but for those of `omit`, such as "-z +y"."""
+    box = shapes.box(lo, hi, GREY, omit, 1.0)
+    side = 2 * np.abs(box.normals).argmax(axis=1) + (box.normals.sum(axis=1) > 0)
+    return Mesh(box.vertices, box.faces[:, ::-1], -box.normals, np.asarray(WALLS)[side])
+
+
 def turned(mesh: Mesh, axis: str, degrees: float) -> Mesh:
     """The mesh turned about an axis through the origin, right-handed."""
     return mesh.transformed(pose(axis, degrees))

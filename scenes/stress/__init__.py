@@ -34,7 +34,7 @@ The regimes that show it, or where else it is tested, or why no method here can 
     F-29 contact                       contact
     F-30 dipping                       object that goes into the mirror
     F-31 near_eye                      eye near the mirror
-    F-32 none: no explosion map is built
+    F-32 shell                         explosion map, off its sphere
     F-33 coarse_mirror                 coarse mirror
     F-34 far_away                      far vertices
     F-35 two_mirrors                   mirrors in mirrors
@@ -58,14 +58,15 @@ The regimes that show it, or where else it is tested, or why no method here can 
     I-17 spokes                        the angle at which rows start anew
     I-18 plate                         corners beyond the turned rows
     I-19 other_side                    ray that comes from behind a surface
-    I-20 none: no distance impostor
-    I-21 none: no distance impostor
-    I-22 none: no sphere and no box stands in for the surroundings
-    I-23 none: no probes are blended
-    I-24 none: no method searches the picture on the screen
-    I-25 none: no method searches the picture on the screen
+    I-20 palisade                      distances with things in between
+    I-21 tests/methods/test_distance_impostor.py  rays that start behind what a map of distances sees
+    I-22 next_room                     mirror that leaves the box of its room
+    I-23 between_maps                  midway between maps
+    I-24 off_screen, screened          what the picture on the screen does not show
+    I-25 tests/methods/test_screen_space.py  squares of a pyramid of depths, and their edges
     I-26 corner                        edges and corners of a cube map
     I-27 far_away                      mirror in its own environment map, where it would hide everything
+    I-28 off_wall                      what stands off the walls of a box
 
     P-01 tilted                        what lies before the mirror's plane, and touches it
     P-02 skimming                      eye near the mirror's plane
@@ -77,4 +78,5 @@ The regimes that show it, or where else it is tested, or why no method here can 
     P-08 around_slab                   eye behind a flat mirror
     P-09 skimming                      plane seen edge-on
     P-10 thick_slab                    the mirror's own back
+    P-11 backed                        what lies behind a flat mirror
 """

@@ -65,6 +65,13 @@ def test_each_room_is_a_box_that_its_surfaces_face_into(name, room):
     np.testing.assert_allclose([walls.min(axis=0), walls.max(axis=0)], [low, high], atol=1e-9)
 
 
+def test_the_frame_around_the_doorway_lies_in_the_walls_and_faces_the_room_on_each_side():
+    frame = object_of("door frame").mesh
+    flat = np.abs(frame.normals[:, 0]) > 0.5
+    assert set(np.sign(frame.vertices[flat, 0])) == {-1.0, 1.0}
+    np.testing.assert_allclose(frame.vertices[flat, 0], np.where(frame.normals[flat, 0] < 0, HALL.x[1], STUDY.x[0]), atol=1e-12)
+
+
 def test_no_ray_leaves_the_rooms_wherever_the_mirror_is():
     assert built().enclosed == (True,)
 

@@ -79,7 +79,7 @@ def test_every_regime_has_scenes_that_need_no_light_and_say_what_they_ask(name):
         assert scene.vertices < 120_000
 
 
-CATALOGUE = {"F": 35, "I": 27, "P": 10}
+CATALOGUE = {"F": 35, "I": 28, "P": 11}
 """How many entries the catalogue of failures has, by letter."""
 
 

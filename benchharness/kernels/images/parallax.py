@@ -37,6 +37,7 @@ LIMITS = {
     "F-11, F-23, F-25": "rays that meet the mirror again elsewhere than in a hollow of one radius are not traced",
     "F-17": "no frame is compared with the last",
     "F-25, F-26": "rays that meet the mirror again elsewhere than in a hollow of one radius are not traced",
+    "I-28": "something small slips through between the points of the ray that are looked up",
 }
 """What methods that look up such maps cannot know, as in `benchharness.api.Method.limits`."""
 
