@@ -1,23 +1,23 @@
 """Specular polynomials: all reflection points of every vertex, from bounds of polynomials; the moved triangles are drawn.
 
-On a triangle whose normals are interpolated and not normalised, the law of reflection is a system of polynomials in two weights.
-Its roots on all triangles are all reflection points of the mirror, whether the light's path is shortest, longest or neither
-there, and however close to one another: nothing has to be started from, and nothing to be remembered from the last frame.
-Paper: Fan, Guo, Wang, Xiao, Zhang, Zhou, Chen, Hong, Guo, Yan, "Specular polynomials", SIGGRAPH 2024, for one reflection.
+On a triangle whose normals are interpolated and not normalised, the law of reflection is a system of polynomials in two
+weights. Its roots on all triangles are all reflection points of the mirror, whether the light's path is shortest, longest or
+neither there, and however close to one another: nothing has to be started from, and nothing to be remembered from the last
+frame. Paper: Fan, Guo, Wang, Xiao, Zhang, Zhou, Chen, Hong, Guo, Yan, "Specular polynomials", SIGGRAPH 2024, for one bounce.
 
-Where we differ (kernels.vertices.polynomial): the paper eliminates one weight by a resultant, a polynomial of degree 8. On small
-triangles nothing of it is left in single precision, and on a sphere's it vanishes; so roots are isolated by bounds in Bernstein's
-basis instead, on triangles and parts of them. The paper has no word on which triangles to ask; here cones of half vectors and
-normals rule out clusters of them. Each root is handed to Newton's method on the normalised law, which has arrived there already.
+Where we differ: the paper eliminates one weight by a resultant, a polynomial of degree 8. On small triangles nothing of it
+is left in single precision, and on a sphere's it vanishes; so roots are isolated by bounds in Bernstein's basis instead, on
+triangles and parts of them (kernels.vertices.polynomial). Triangles are ruled out by cones of half vectors and of normals, in
+clusters (.cones, .complete). Each root is handed to Newton's method on the normalised law, which has arrived there already.
 
-Up to `multi` reflections of a vertex are drawn, those that the mirror hides neither from the eye nor from the vertex first, as by
-other methods with `multi` (kernels.vertices.several, .branches); a mirror that is convex shows one. Where a vertex lies close to
-the mirror, the point behind it is asked too. What has not converged: vertices with more reflections than there is room for, and
-those with more triangles, or parts of them, than are looked into, as at a focus.
+Up to `multi` reflections of a vertex are drawn, first those that the mirror hides neither from the eye nor from the vertex, as
+by other methods with `multi` (.several, .branches); a mirror that is convex shows one. Where a vertex lies close to the mirror,
+the point behind it is asked too. What has not converged: vertices with more reflections than there is room for, and those
+with more triangles, or parts of them, than are looked into, as at a focus.
 
 Where the mirror meets itself it is black: one ray per pixel of a mirror that is not convex (`self_reflection`). Triangles that
-reach over a caustic are not drawn. Shows no second bounce. Fails where triangles are long in a mirror that is not convex: images
-of edges are straight. Costs a pass over the mirror's clusters for every vertex and frame.
+reach over a caustic are not drawn. Shows no second bounce. Fails where triangles are long in a mirror that is not convex:
+images of edges are straight. Costs a pass over the mirror's groups of triangles for every vertex and frame.
 """
 
 from __future__ import annotations
@@ -34,9 +34,10 @@ from benchharness.kernels import placement
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.vertices import (
     branches,
+    complete,
+    cones,
     mirrormesh,
     newton,
-    polynomial,
     problems,
     scenery,
     search,
@@ -59,7 +60,7 @@ class State(vertexwise.State):
     """`mirrors`, `grouped`: per reflector, the mesh and its clusters."""
 
     mirrors: list[MirrorMesh]
-    grouped: list[polynomial.Clusters]
+    grouped: list[cones.Clusters]
 
 
 @dataclass
@@ -113,7 +114,7 @@ class SpecularPolynomial(Method):
     def prepare(self, scene: Scene) -> State:
         meshes = [_searched(reflector) for reflector in scene.reflectors]
         arrays = [(m.vertices, m.normals, m.faces, r.closed is None) for m, r in zip(meshes, scene.reflectors, strict=True)]
-        mirrors, grouped = [mirrormesh.build(*a) for a in arrays], [polynomial.clusters(*a) for a in arrays]
+        mirrors, grouped = [mirrormesh.build(*a) for a in arrays], [cones.clusters(*a) for a in arrays]
         seen = scenery.of_scene(scene, meshes, self.resolve, self.lod_px, self.split_px)
         return State(seen, [], None, mirrors, grouped)
 
@@ -151,21 +152,21 @@ class SpecularPolynomial(Method):
 
 
 def _searched(reflector: Reflector) -> Mesh:
-    """The closed stand-in if that is convex: it has no more reflections than the sheet that is seen, and no rim. Else the sheet."""
+    """The closed stand-in if that is convex: it has no more reflections than the sheet that is seen, and no rim. Else that."""
     closed = reflector.closed
     return closed if closed is not None and mirrormesh.is_convex(closed.vertices, closed.faces) else reflector.mesh
 
 
 @frozen
 def _solve(
-    problem: problems.Problem, mesh: MirrorMesh, grouped: polynomial.Clusters, hides: str
+    problem: problems.Problem, mesh: MirrorMesh, grouped: cones.Clusters, hides: str
 ) -> tuple[virtual.Images, Vertices, Ends]:
     """Virtual vertices, what was found of each vertex, and which have an image, in a convex mirror."""
     _, V, active = problem.vertices()
     local = placement.mirror_frame(problem.pose, V, problem.view)
     seen = sight.look_at(mesh, local, active)
     searched = active & ~seen.shadow
-    found = polynomial.roots(grouped, mesh, problem, searched & ~seen.near, OF_CONVEX, ROOM_OF_CONVEX)
+    found = complete.roots(grouped, mesh, problem, searched & ~seen.near, OF_CONVEX, ROOM_OF_CONVEX)
     none = found.count == 0
     first, steepest = newton.best_candidate(mesh, local, searched & none & ~seen.near)[0], mi.Float(-1)
     for k, on in enumerate(found.on):
@@ -190,9 +191,9 @@ def _solve(
 
 
 @frozen
-def _solve_several(problem: problems.Problem, mesh: MirrorMesh, grouped: polynomial.Clusters, multi: int) -> branches.Arranged:
+def _solve_several(problem: problems.Problem, mesh: MirrorMesh, grouped: cones.Clusters, multi: int) -> branches.Arranged:
     """Virtual vertices, triangles and what was found of several reflections per vertex."""
-    starts, complete, work = polynomial.begin(grouped, mesh, problem, multi)
+    starts, whole, work = complete.begin(grouped, mesh, problem, multi)
     walked = newton.walk(mesh, starts.local, starts.on, starts.active, problem.max_iter, touches=starts.touches)
     ends = several.Ends(
         R=walked.R,
@@ -204,6 +205,6 @@ def _solve_several(problem: problems.Problem, mesh: MirrorMesh, grouped: polynom
         on=SurfacePoint(walked.on.triangle, walked.on.b),
     )
     made = branches.arranged(several.finish(ends, starts, mesh, problem, multi), mesh, problem, multi)
-    made.vertices.converged &= complete
+    made.vertices.converged &= whole
     made.counters["parts"] = work
     return made

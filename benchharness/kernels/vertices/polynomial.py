@@ -1,7 +1,7 @@
 """All reflection points of a vertex on a mesh with interpolated normals: polynomials that are bounded on triangles.
 
-On a triangle the point P, the directions D_E = E - P to the eye and D_V = V - P to the vertex, and the normal N, interpolated and
-not normalised, are linear in the weights b of the corners. With a_E = D_E . N and a_V = D_V . N, of degree 2, and
+On a triangle the point P, the directions D_E = E - P to the eye and D_V = V - P to the vertex, and the normal N, interpolated
+and not normalised, are linear in the weights b of the corners. With a_E = D_E . N and a_V = D_V . N, of degree 2, and
 
     C = N . (D_E x D_V)                      degree 2, since D_E x D_V is linear: the terms in P x P vanish
     F = a_E (D_V x N) + a_V (D_E x N)        degree 4; F . N = 0, so that two components are left
@@ -11,15 +11,16 @@ and directions in one plane, follows. This is the system of Fan, Guo, Wang et al
 take C and one component of F.
 
 They eliminate one weight by a resultant and look for the roots of a polynomial of degree 8 in the other. On the small triangles
-of a mesh that does not survive single precision: its terms are products of leading coefficients, which fall with the fourth
-power of the triangle's size, and where N is linear in P, as on every mesh of a sphere, they are 0, and so is the resultant. (C is
-singular besides where eye and vertex lie in one direction along the normal, and F is not.) So nothing is eliminated here. A
-polynomial lies between the least and the greatest of its coefficients in Bernstein's basis, and so do its derivatives. A
-triangle has no root where a_E, a_V, C, or F after its own Jacobian's inverse say so; it has one at most where that makes the
-Jacobian nearly 1 all over it, and Newton's method finds it from anywhere; otherwise its four parts are asked. No
-reflection is missed but for those that are ROOTS to a triangle or nearer to each other than what is left at DEPTH.
+of a mesh that does not survive single precision: its terms have leading coefficients as factors, which fall with the fourth
+power of the triangle's size; where N is linear in P, as on every mesh of a sphere, they are 0, and so is the resultant. And
+where eye and vertex lie in one direction along a sphere's or a plane's normal, C is 0 everywhere; F has its one root. So
+nothing is eliminated here. A polynomial lies between the least and the greatest of its coefficients in Bernstein's basis, and
+so do its derivatives. A triangle has no root where a_E, a_V, C, or F after its own Jacobian's inverse say so; it has one at
+most where that makes the Jacobian nearly 1 all over it, and Newton's method finds it from anywhere; otherwise its four parts
+are asked. No reflection is missed but for those of a triangle with more than ROOTS, and two that are nearer to each other than
+what is left at DEPTH.
 
-Groups and clusters of triangles are asked first: half vectors of a ball of points lie in a cone, and normals lie in one.
+Which triangles are asked, and what their roots are to a mirror: `complete`.
 
 Positions are in the mirror's own frame (`kernels.placement`).
 """
@@ -31,17 +32,11 @@ from math import factorial
 
 import drjit as dr
 import mitsuba as mi
-import numpy as np
 
-from benchharness.kernels import geometry, placement
 from benchharness.kernels.placement import MirrorFrame, unit
-from benchharness.kernels.vertices import mirrormesh, several, sight
-from benchharness.kernels.vertices.mirrormesh import MirrorMesh, SurfacePoint
-from benchharness.kernels.vertices.problems import Problem
-from benchharness.kernels.vertices.several import NONE, Starts
+from benchharness.kernels.vertices import mirrormesh
+from benchharness.kernels.vertices.mirrormesh import MirrorMesh
 
-CLUSTER, GROUP = 4, 64  # triangles of each, at most
-LISTED = 32  # triangles per vertex that may hold a root
 ROOTS = 4  # of a triangle that are kept
 DEPTH = 8  # times that a triangle is quartered
 NODES = 512  # parts of a triangle that are asked
@@ -51,106 +46,6 @@ STEPS = 12  # of Newton's method
 ARRIVED = 1e-3  # of a part of a triangle: a step this short is the last, a root this far outside belongs to it
 BLURRED = 0.5  # the same, of a part at DEPTH on which the Jacobian is not nearly 1
 TWIN = 2e-3  # of a triangle; roots nearer to each other are one
-SAME = 1e-4  # of the mirror's size; the same, of roots on different triangles
-ONE_SIDED, TWO_SIDED, ANY = 0, 1, 2  # which way the normals of a cluster may point
-
-
-# Clusters
-
-
-@dataclass
-class Cones:
-    """Pieces of a mirror, each with a ball that holds its points and a cone that holds its normals.
-
-    bounds  12 floats per piece: the ball's centre and radius; the cone's axis and cosine; its sine, which way normals may point
-            (ONE_SIDED, TWO_SIDED, ANY), and the first and the number of what it is made of
-    count   how many
-    """
-
-    bounds: mi.Float
-    count: int
-
-
-@dataclass
-class Clusters:
-    """A mirror's triangles in clusters that lie together, and those in groups.
-
-    order     numbers of triangles, cluster by cluster
-    clusters  made of them
-    groups    made of clusters
-    """
-
-    order: mi.UInt32
-    clusters: Cones
-    groups: Cones
-
-
-def clusters(vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, backs: bool = True) -> Clusters:
-    """The clusters of a mesh, given as `mirrormesh.build` takes it. Triangles without area have no points of their own."""
-    p = np.asarray(vertices, np.float64)[faces]
-    area = np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1)
-    sided = np.full(len(faces), backs) & ~geometry.oriented_closed_faces(vertices, faces)
-    n = np.asarray(normals, np.float64)
-    n = n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-30)
-    order, rows, group_rows = [], [], []
-    for group in _halved(np.flatnonzero(area > 0), p.mean(axis=1), GROUP):
-        own = _halved(group, p.mean(axis=1), CLUSTER)
-        group_rows.append([*_cone(p[group], n[faces[group]], sided[group]), len(rows), len(own)])
-        for few in own:
-            rows.append([*_cone(p[few], n[faces[few]], sided[few]), len(order), len(few)])
-            order += few.tolist()
-    kinds = (Cones(mi.Float(np.array(r or [[0.0] * 12], np.float32).ravel()), len(r)) for r in (rows, group_rows))
-    return Clusters(mi.UInt32(np.array(order or [0], np.uint32)), *kinds)
-
-
-def _cone(p: np.ndarray, n: np.ndarray, sided: np.ndarray) -> list[float]:
-    """The first ten of `Cones.bounds` of triangles p, n [K, 3, 3]; `sided`: which are mirrors on both sides."""
-    points, n = p.reshape(-1, 3), n.reshape(-1, 3)
-    centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    axis = n.sum(axis=0)
-    axis = axis / max(float(np.linalg.norm(axis)), 1e-30)
-    cosine = float((n @ axis).min())
-    way = ANY if cosine <= 0 else TWO_SIDED if sided.any() else ONE_SIDED
-    radius = float(np.linalg.norm(points - centre, axis=1).max())
-    return [*centre, radius, *axis, cosine, max(1 - cosine * cosine, 0.0) ** 0.5, way]
-
-
-def _halved(some: np.ndarray, middles: np.ndarray, most: int) -> list[np.ndarray]:
-    """Triangles in pieces of `most` but for the last: cut across the longest side until they are."""
-    if len(some) <= most:
-        return [some] if len(some) else []
-    own = middles[some]
-    some = some[np.argsort(own[:, np.ptp(own, axis=0).argmax()], kind="stable")]
-    half = most * (-(-len(some) // most) // 2)
-    return [*_halved(some[:half], middles, most), *_halved(some[half:], middles, most)]
-
-
-def reaches(cones: Cones, c: mi.UInt32, local: MirrorFrame) -> tuple[mi.UInt32, mi.UInt32]:
-    """Where what piece c is made of begins and ends; it ends where it begins if half vectors and normals cannot agree there."""
-    ball, cone, more = (dr.gather(mi.Vector4f, cones.bounds, 3 * c + k) for k in range(3))
-    to_E, to_V = local.eye - ball.xyz, local.V - ball.xyz
-    d_E, d_V = dr.norm(to_E), dr.norm(to_V)
-    within = (d_E <= ball.w) | (d_V <= ball.w)
-    per_E, per_V = dr.rcp(dr.maximum(d_E, 1e-20)), dr.rcp(dr.maximum(d_V, 1e-20))
-    s = to_E * per_E + to_V * per_V
-    # Directions from a ball that is seen within the angle x differ from that from its centre by chords of x.
-    away = _chord(ball.w * per_E) + _chord(ball.w * per_V) + ROUNDING
-    length = dr.norm(s)
-    wide = away >= length
-    sine = dr.select(wide, 1, away * dr.rcp(dr.maximum(length, 1e-20)))
-    least = cone.w * dr.sqrt(dr.maximum(1 - dr.square(sine), 0)) - more.x * sine
-    cosine = dr.dot(s, cone.xyz) * dr.rcp(dr.maximum(length, 1e-20))
-    cosine = dr.select(more.y == TWO_SIDED, dr.abs(cosine), cosine)
-    first = mi.UInt32(more.z)
-    may = within | wide | (more.y == ANY) | (cosine >= least - 10 * ROUNDING)
-    return first, dr.select(may, first + mi.UInt32(more.w), first)
-
-
-def _chord(sine: mi.Float) -> mi.Float:
-    """2 sin(x / 2) of an angle x of at most 90 degrees."""
-    sine = dr.minimum(sine, 1)
-    return sine * dr.rsqrt(0.5 + 0.5 * dr.sqrt(1 - dr.square(sine)))
-
 
 # Polynomials in the weights of a triangle, by their coefficients in Bernstein's basis
 
@@ -319,38 +214,6 @@ def _summed(
     return total
 
 
-# Which triangles of a mirror may hold a root
-
-
-@dr.syntax
-def listed(
-    grouped: Clusters, mesh: MirrorMesh, local: MirrorFrame, active: mi.Bool, most: int
-) -> tuple[list[mi.UInt32], mi.UInt32, mi.UInt32]:
-    """The first `most` triangles that may hold a root, NONE after the last; how many may; and how many were asked."""
-    found = [mi.UInt32(NONE) for _ in range(most)]
-    count = mi.UInt32(0)  # triangles that may hold a root,
-    asked = mi.UInt32(0)  # triangles asked,
-    g = mi.UInt32(0)  # and the group
-    while dr.hint(active & (g < grouped.groups.count), label="look for triangles with roots"):
-        c, last = reaches(grouped.groups, g, local)
-        while dr.hint(c < last, label="ask the clusters of a group"):
-            k, end = reaches(grouped.clusters, c, local)
-            while dr.hint(k < end, label="ask the triangles of a cluster"):
-                triangle = dr.gather(mi.UInt32, grouped.order, k)
-                f = fields(mesh, local, triangle, True)
-                kept = faces_both(f)
-                if kept:
-                    kept = ~bounded(f).empty
-                for i in range(most):
-                    found[i] = dr.select(kept & (count == i), triangle, found[i])
-                count += dr.select(kept, mi.UInt32(1), 0)
-                asked += 1
-                k += 1
-            c += 1
-        g += 1
-    return found, count, asked
-
-
 # The roots of a triangle
 
 
@@ -393,8 +256,8 @@ def newton_step(f: Fields, b: mi.Point2f) -> tuple[mi.Vector2f, mi.Bool]:
 
 @dr.syntax
 def converge(f: Fields, b: mi.Point2f, size: mi.Float, active: mi.Bool) -> tuple[mi.Point2f, mi.Float, mi.Bool]:
-    """Newton's method from b, in steps of twice `size` at most: where it ends, the next step's length and whether E and V are in
-    front."""
+    """Newton's method from b, in steps of twice `size` at most: where it ends, the next step's length and whether E and V are
+    in front."""
     step, front = newton_step(f, b)
     k = mi.UInt32(0)
     while dr.hint(active & (k < STEPS) & (dr.norm(step) > 0.01 * ARRIVED * size), label="solve the polynomials"):
@@ -457,130 +320,3 @@ def roots_of(f: Fields, active: mi.Bool) -> TriangleRoots:
         settled &= ~running | (nodes < NODES)
         running &= nodes < NODES
     return TriangleRoots(b, count, settled, nodes)
-
-
-# The roots of a mirror
-
-
-@dataclass
-class Roots:
-    """The reflection points of each vertex in a mirror, whatever hides them.
-
-    on        the first of them
-    count     how many there are of these
-    complete  there are no others
-    work      triangles asked, and parts of them
-    """
-
-    on: list[SurfacePoint]
-    count: mi.UInt32
-    complete: mi.Bool
-    work: mi.UInt32
-
-
-def roots(grouped: Clusters, mesh: MirrorMesh, problem: Problem, active: mi.Bool, most: int, room: int = LISTED) -> Roots:
-    """Up to `most` reflection points of every vertex of a problem that is `active`. `room`: triangles per vertex that are looked
-    into."""
-    count, pose, view = problem.count, problem.pose, problem.view
-    lane, V, _ = problem.vertices()
-    local = placement.mirror_frame(pose, V, view)
-    triangles, may, asked = listed(grouped, mesh, local, active, room)
-    may, asked = dr.select(active, may, 0), mi.UInt32(asked)
-    dr.eval(triangles, may, asked)  # at once: each scatter into one array is a kernel of its own
-    slots = dr.empty(mi.UInt32, room * count)
-    for k, triangle in enumerate(triangles):
-        dr.scatter(slots, triangle, k * count + lane)
-    dr.eval(slots)
-
-    slot = dr.arange(mi.UInt32, room * count)
-    triangle = dr.gather(mi.UInt32, slots, slot)
-    there = triangle != NONE
-    V = mi.Point3f(dr.gather(mi.Vector4f, problem.world.points, slot % count).xyz)
-    f = fields(mesh, placement.mirror_frame(pose, V, view), dr.select(there, triangle, 0), there)
-    solved = roots_of(f, there)
-    solved.count = dr.select(there, solved.count, 0)
-    solved.settled |= ~there
-    solved.nodes = dr.select(there, solved.nodes, 0)
-    dr.eval(solved)
-
-    on, different, complete, nodes = _different(mesh, local, solved, slots, may, count, most, room)
-    return Roots(on, different, complete & (may <= room), asked + nodes)
-
-
-@dr.syntax
-def _different(
-    mesh: MirrorMesh,
-    local: MirrorFrame,
-    solved: TriangleRoots,
-    slots: mi.UInt32,
-    may: mi.UInt32,
-    lanes: int,
-    most: int,
-    room: int,
-) -> tuple[list[SurfacePoint], mi.UInt32, mi.Bool, mi.UInt32]:
-    """Of the roots of a vertex's triangles, those that are different points, shortest paths first; how many; whether there is
-    room for all, and all triangles are settled; and parts asked."""
-    lane = dr.arange(mi.UInt32, lanes)
-    on = [SurfacePoint(mi.UInt32(0), mi.Point2f(0)) for _ in range(most)]
-    P, way = [mi.Point3f(0) for _ in range(most)], [mi.Float(dr.inf) for _ in range(most)]
-    complete, nodes, k = mi.Bool(True), mi.UInt32(0), mi.UInt32(0)
-    while dr.hint(k < dr.minimum(may, room), label="tell roots apart"):
-        slot = k * lanes + lane
-        triangle = dr.gather(mi.UInt32, slots, slot)
-        found = dr.gather(mi.UInt32, solved.count, slot)
-        complete &= dr.gather(mi.Bool, solved.settled, slot)
-        nodes += dr.gather(mi.UInt32, solved.nodes, slot)
-        for i in range(ROOTS):
-            new = i < found
-            own = SurfacePoint(mi.UInt32(triangle), dr.gather(mi.Point2f, solved.b[i], slot, new))
-            point = mirrormesh.position(mesh, own, new)
-            for j in range(most):
-                new &= (way[j] == dr.inf) | (dr.norm(point - P[j]) > SAME * mesh.size)
-            length = dr.select(new, dr.norm(local.eye - point) + dr.norm(local.V - point), dr.inf)
-            for j in range(most):
-                shorter = length < way[j]
-                longer = [dr.select(shorter, *two) for two in ((on[j], own), (P[j], point), (way[j], length))]
-                on[j], P[j], way[j] = (dr.select(shorter, *two) for two in ((own, on[j]), (point, P[j]), (length, way[j])))
-                own, point, length = longer
-            complete &= length == dr.inf
-        k += 1
-    count = mi.UInt32(0)
-    for j in range(most):
-        count += dr.select(way[j] < dr.inf, mi.UInt32(1), 0)
-    return on, count, complete, nodes
-
-
-def begin(grouped: Clusters, mesh: MirrorMesh, problem: Problem, multi: int) -> tuple[Starts, mi.Bool, mi.UInt32]:
-    """All reflection points of every vertex, as what searches start from; whether a vertex has no others; and the work. One more
-    start, in place of the last, where V is close to the mirror: there the polynomials are of large triangles and near points."""
-    most, count, pose, view = several.tries(multi), problem.count, problem.pose, problem.view
-    lane, V, active = problem.vertices()
-    seen = sight.look_at(mesh, placement.mirror_frame(pose, V, view), active)
-    found = roots(grouped, mesh, problem, active, most)
-    touching, complete, work = mi.Bool(seen.touches), mi.Bool(found.complete), dr.select(active, found.work, 0)
-    dr.eval(found, seen, touching, complete, work)
-    triangle, weights = dr.empty(mi.UInt32, most * count), dr.empty(mi.Float, 2 * most * count)
-    for k, on in enumerate(found.on):
-        own, b = dr.select(active & (k < found.count), on.triangle, NONE), on.b
-        if k == most - 1:
-            own, b = dr.select(seen.near, seen.on.triangle, own), dr.select(seen.near, seen.on.b, b)
-        dr.scatter(triangle, own, k * count + lane)
-        dr.scatter(weights, b, k * count + lane)
-    dr.eval(triangle, weights)
-
-    lane = dr.arange(mi.UInt32, most * count)
-    vertex = lane % count
-    triangle = dr.gather(mi.UInt32, triangle, lane)
-    active = triangle != NONE
-    on = SurfacePoint(dr.select(active, triangle, 0), dr.gather(mi.Point2f, weights, lane))
-    V = mi.Point3f(dr.gather(mi.Vector4f, problem.world.points, vertex).xyz)
-    starts = Starts(
-        vertex=vertex,
-        V=V,
-        local=placement.mirror_frame(pose, V, view),
-        on=on,
-        P=mirrormesh.position(mesh, on, active),
-        active=active,
-        touches=(lane >= (most - 1) * count) & dr.gather(mi.Bool, touching, vertex),
-    )
-    return starts, complete, work
