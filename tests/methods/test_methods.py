@@ -20,8 +20,16 @@ from methods.secant_triangle import SecantTriangle
 from scenes.stress.curved_highlight import bulging
 
 METHODS = {name: plugin.target for name, plugin in plugins.discover("method").items() if plugin.error is None}
-OWN = ("angle_iteration", "environment_map", "image_space_search", "newton", "ray_traced", "secant_triangle")
-BY_VERTEX = ("angle_iteration", "image_space_search", "newton", "secant_triangle")
+OWN = (
+    "angle_iteration",
+    "environment_map",
+    "image_space_search",
+    "newton",
+    "ray_traced",
+    "secant_triangle",
+    "specular_polynomial",
+)
+BY_VERTEX = ("angle_iteration", "image_space_search", "newton", "secant_triangle", "specular_polynomial")
 NEAR_BALL = (-0.45, 0.0, 0.0)
 
 

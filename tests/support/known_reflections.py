@@ -14,7 +14,7 @@ from benchharness.study import plugins
 
 METHODS = {name: plugin.target for name, plugin in plugins.discover("method").items()}
 # Those that may find a point wherever a vertex is.
-SEARCHING = ("angle_iteration", "image_space_search", "newton", "secant_triangle")
+SEARCHING = ("angle_iteration", "image_space_search", "newton", "secant_triangle", "specular_polynomial")
 VERTEXWISE = (*SEARCHING, "explosion_map")  # which report vertices; test_fuzz holds it to what they do
 COUNT = 24_000  # vertices of an example
 SIZE = (320, 240)

@@ -133,6 +133,7 @@ def begin(grid: Seeds, mesh: MirrorMesh, problem: Problem, multi: int) -> Starts
     local = placement.mirror_frame(pose, V, view)
     seen = sight.look_at(mesh, local, active)
     chosen = _choose(grid, local, active, most)
+    dr.eval(chosen, seen)  # or each of the scatters below is a kernel that does all this again
     triangle, weights = dr.empty(mi.UInt32, most * count), dr.empty(mi.Float, 2 * most * count)
     for i, index in enumerate(chosen):
         there = active & (index != NONE)
@@ -287,16 +288,20 @@ def _ordered(R: mi.Point3f, rank: mi.UInt32, mesh: MirrorMesh, problem: Problem,
             one = (ranks[i] != NONE) & (ranks[j] != NONE) & near
             different[i] &= ~(one & (ranks[j] <= ranks[i]))
             different[j] &= ~(one & (ranks[i] < ranks[j]))
-    reflections = mi.UInt32(0)
-    source = dr.full(mi.UInt32, NONE, multi * count)
+    reflections, places, kept = mi.UInt32(0), [], []
     for i in range(most):
         place = mi.UInt32(0)
         for j in range(most):
             if j != i:
                 before = ranks[j] <= ranks[i] if j < i else ranks[j] < ranks[i]
                 place += dr.select(different[j] & before, 1, 0)
-        dr.scatter(source, i * count + lane, place * count + lane, different[i] & (place < multi))
+        places.append(place * count + lane)
+        kept.append(different[i] & (place < multi))
         reflections += dr.select(different[i] & (ranks[i] == FIRST), 1, 0)
+    dr.eval(places, kept, reflections)  # at once, as in `begin`
+    source = dr.full(mi.UInt32, NONE, multi * count)
+    for i in range(most):
+        dr.scatter(source, i * count + lane, places[i], kept[i])
     return source, reflections
 
 
