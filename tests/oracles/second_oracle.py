@@ -86,10 +86,8 @@ def chained(made: Scene, time: float, o, d, mirror: int, orders: int):
                 hit = (w >= 0).all(axis=1) & (reach > 0) & (reach < t[some])
                 lanes = some[hit]
                 t[lanes], part[lanes] = reach[hit], number
-                if mirrors:
-                    n[lanes] = w[hit] @ mesh.normals[face]
-                else:
-                    light[lanes] = w[hit] @ mesh.radiance[face]
+                carried = np.asarray(mesh.normals if mirrors else mesh.radiance)
+                (n if mirrors else light)[lanes] = w[hit] @ carried[face]
         again = going & (part >= first)
         ends = going & ~again
         L[ends] = through[ends] * light[ends]
@@ -102,7 +100,7 @@ def chained(made: Scene, time: float, o, d, mirror: int, orders: int):
         cosine = np.clip(-(n * d).sum(1), 0, 1)
         for k, reflector in enumerate(made.reflectors):
             here = again & (part == first + k)
-            if reflector.eta is not None:
+            if reflector.eta is not None and reflector.k is not None:
                 for c in range(3):
                     through[here, c] *= fresnel_by_amplitudes(cosine[here], reflector.eta[c], reflector.k[c])
         d = np.where(again[:, None], d - 2 * (n * d).sum(1, keepdims=True) * n, d)

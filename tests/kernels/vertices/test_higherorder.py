@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,8 +30,8 @@ METHODS = {
     "angle_iteration": AngleIteration,
     "explosion_map": ExplosionMap,
 }
-REFLECTIVE = {"resolve": "ray", "other_mirrors": "reflective"}
-SILVER = {"eta": (0.155, 0.117, 0.138), "k": (4.828, 3.122, 2.147)}
+REFLECTIVE: dict[str, Any] = {"resolve": "ray", "other_mirrors": "reflective"}
+SILVER: dict[str, Any] = {"eta": (0.155, 0.117, 0.138), "k": (4.828, 3.122, 2.147)}
 
 
 def room(radiance=smooth) -> Object:
@@ -198,8 +199,8 @@ def test_every_method_goes_on_alike(name):
 
 def test_a_mirror_alone_shows_what_it_shows():
     made = scene((room(),), (mirror_ball(fine=32),))
-    ways = ({"resolve": "ray"}, REFLECTIVE)
-    black, reflective = (shaded(Newton(**way), made, 0, size=(64, 48))[0] for way in ways)
+    ways = (Newton(resolve="ray"), Newton(**REFLECTIVE))
+    black, reflective = (shaded(way, made, 0, size=(64, 48))[0] for way in ways)
     assert black.same(reflective)
 
 
