@@ -66,7 +66,8 @@ class AngleIteration(Method):
                 ("local")
     warm        start where the last frame's iteration ended, and anew where that leads nowhere
     hidden      triangles with hidden vertices: "cut" where they become hidden, or "drop"
-    other_mirrors    other mirrors in this one: "black", or "omitted" to show what is behind them
+    other_mirrors    other mirrors in this one: "black"; "reflective", which "ray" is needed for (kernels.vertices.higherorder);
+                or "omitted" to show what is behind them
     self_reflection  the mirror in itself, where it is not convex: "black", which takes one ray per pixel of it, or "omitted"
     max_iter    directions after which an iteration gives up
     resolve     what a pixel shows: "interpolate" between the corners of the triangle that covers it, or what its own "ray"
@@ -81,7 +82,7 @@ class AngleIteration(Method):
     damping: Literal["naive", "half", "local"] = "local"
     warm: bool = True
     hidden: Literal["cut", "drop"] = "cut"
-    other_mirrors: Literal["black", "omitted"] = "black"
+    other_mirrors: Literal["black", "reflective", "omitted"] = "black"
     self_reflection: Literal["black", "omitted"] = "black"
     max_iter: Annotated[int, Field(ge=1, le=65536)] = 60
     resolve: Literal["interpolate", "ray"] = "interpolate"
@@ -103,14 +104,15 @@ class AngleIteration(Method):
     }
 
     def __post_init__(self) -> None:
-        scenery.check(self.resolve, self.lod_px, self.split_px, 1, "angle_iteration")
+        scenery.check(self.resolve, self.lod_px, self.split_px, 1, "angle_iteration", self.other_mirrors)
 
     def refuses(self, scene: Scene) -> str | None:
         return starmirror.refusal(scene.reflectors, self.resolution, outside=True)
 
     def prepare(self, scene: Scene) -> State:
         made = [starmirror.of_reflector(reflector, self.resolution) for reflector in scene.reflectors]
-        seen = scenery.of_scene(scene, [mesh for _, mesh in made], self.resolve, self.lod_px, self.split_px)
+        searched = [mesh for _, mesh in made]
+        seen = scenery.of_scene(scene, searched, self.resolve, self.lod_px, self.split_px, others=self.other_mirrors)
         return State(seen, [], None, [mirror for mirror, _ in made])
 
     def update(self, state: State, frame: Frame) -> State:

@@ -2,9 +2,10 @@
 
 Every object is seen by one or more cameras from around it, the first from where the mirror is. A reflected ray is a straight
 line in a camera's picture too, so that its hit is found in one dimension, along that line: on one of many turned rows of the
-depth map that were simplified to a few segments beforehand (`intersector = "srdm"`), or texel by texel ("march"). What is
-flat remains a billboard in its own plane, and the environment map is behind, as in `billboard_impostor`. Mirrors are depth
-maps with normals, from which the ray goes on once; with `own_maps` a mirror is reflected in itself too.
+depth map that were simplified to a few segments beforehand (`intersector = "srdm"`), between two of them ("srdm_interpolated",
+which section 5 proposes where few are turned), or texel by texel ("march"). What is flat remains a billboard in its own plane,
+and the environment map is behind, as in `billboard_impostor`. Mirrors are depth maps with normals, from which the ray goes
+on once; with `own_maps` a mirror is reflected in itself too.
 
 Assumes that what matters of an object can be seen by its cameras: what none of them sees is not there. A depth map is rigid:
 it moves with its object, and is taken again only once the mirror has moved around the object by more than `turn`.
@@ -31,7 +32,7 @@ from benchharness.kernels.images.capture import CaptureOptions
 from benchharness.kernels.images.depthray import Anchor
 from benchharness.scene import Scene
 
-DENSITY = {"srdm": 1.0, "march": 2.0}
+DENSITY = {"srdm": 1.0, "srdm_interpolated": 1.0, "march": 2.0}
 """Texels per pixel, of maps that are as large as they are seen. Rays that march find an outline half a texel too small."""
 
 
@@ -44,7 +45,8 @@ class DepthImpostor(Method):
     maps         depth maps per object: from the mirror, from behind, then from the sides, from below and above
     own_maps     depth maps of a mirror in which it is reflected itself, from both ends of its x axis, of y, of z; 0 for no
                  self-reflection
-    intersector  "srdm": simplified rows; "march": every texel along the ray
+    intersector  "srdm": simplified rows, the nearest; "srdm_interpolated": between the nearest of the two rotations beside the
+                 ray's image; "march": every texel along the ray
     anchor       the row is that through the ray's "mid" or "start"
     split_jump   step of depth, of the map's whole range, above which neighbours are not one surface; 0: they always are, and
                  a skin joins parts that stand before one another. Every map has its own skins: with several, or with
@@ -67,7 +69,7 @@ class DepthImpostor(Method):
     points: Annotated[int, Field(ge=2, le=64, multiple_of=2)] = 16
     maps: Annotated[int, Field(ge=1, le=6)] = 1
     own_maps: Annotated[int, Field(ge=0, le=6)] = 0
-    intersector: Literal["srdm", "march"] = "srdm"
+    intersector: Literal["srdm", "srdm_interpolated", "march"] = "srdm"
     anchor: Anchor = "mid"
     split_jump: Annotated[float, Field(ge=0, le=1)] = 0.0
     turn: Annotated[float, Field(ge=0, le=180)] = 0.0
@@ -116,7 +118,7 @@ class DepthImpostor(Method):
             turn=float(np.radians(self.turn)),
             walls=self.walls,
             rotations=self.rotations,
-            points=self.points if self.intersector == "srdm" else 0,
+            points=0 if self.intersector == "march" else self.points,
             split_jump=self.split_jump,
             again=self.other_mirrors == "reflective",
             density=DENSITY[self.intersector] if self.sizes == "seen" else 0.0,
@@ -127,6 +129,6 @@ class DepthImpostor(Method):
         options = bounces.TraceOptions(
             second_bounce=self.other_mirrors == "reflective",
             doubts=frame.doubts,
-            walk=relief.Walk(self.split_jump, self.anchor),
+            walk=relief.Walk(self.split_jump, self.anchor, pair=self.intersector == "srdm_interpolated"),
         )
         return imagewise.shown(state, frame, options, self.attenuation)

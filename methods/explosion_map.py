@@ -83,7 +83,8 @@ class ExplosionMap(Method):
     placement   where images go: behind the point that was found, "on_ray" of the eye, or mirrored in the "plane" there, as in
                 the paper
     hidden      triangles with hidden vertices: "cut" where they become hidden, or "drop"
-    other_mirrors    other mirrors in this one: "black", or "omitted" to show what is behind them
+    other_mirrors    other mirrors in this one: "black"; "reflective", which "ray" is needed for (kernels.vertices.higherorder);
+                or "omitted" to show what is behind them
     self_reflection  the mirror in itself, where it is not convex: "black", which takes one ray per pixel of it, or "omitted"
     resolve     what a pixel shows: "interpolate" between the corners of the triangle that covers it, or what its own "ray"
                 meets of the triangles that it and the pixels around it name (kernels.vertices.exact)
@@ -97,7 +98,7 @@ class ExplosionMap(Method):
     radius: Annotated[float, Field(gt=1, le=1e4)] = 3.0
     placement: Literal["on_ray", "plane"] = "on_ray"
     hidden: Literal["cut", "drop"] = "cut"
-    other_mirrors: Literal["black", "omitted"] = "black"
+    other_mirrors: Literal["black", "reflective", "omitted"] = "black"
     self_reflection: Literal["black", "omitted"] = "black"
     resolve: Literal["interpolate", "ray"] = "interpolate"
     lod_px: Annotated[float, Field(ge=0, le=1e3)] = 0.0
@@ -111,7 +112,7 @@ class ExplosionMap(Method):
     }
 
     def __post_init__(self) -> None:
-        scenery.check(self.resolve, self.lod_px, self.split_px, 1, "explosion_map")
+        scenery.check(self.resolve, self.lod_px, self.split_px, 1, "explosion_map", self.other_mirrors)
 
     def refuses(self, scene: Scene) -> str | None:
         for reflector in scene.reflectors:
@@ -130,7 +131,7 @@ class ExplosionMap(Method):
             sphere = explosion.Sphere(mi.Point3f(middle.tolist()), mi.Float(self.radius * around))
             dr.make_opaque(sphere)
             mirrors.append(Mirror(walked, len(mesh.vertices), len(mesh.faces), sphere, explosion.view(self.resolution)))
-        seen = scenery.of_scene(scene, searched, self.resolve, self.lod_px, self.split_px)
+        seen = scenery.of_scene(scene, searched, self.resolve, self.lod_px, self.split_px, others=self.other_mirrors)
         return State(seen, [], None, mirrors)
 
     def update(self, state: State, frame: Frame) -> State:

@@ -8,7 +8,8 @@ EGSR 2006; sections 4 and 5.
 
 The paper assumes one reflection point per vertex, on the reflector's closed stand-in. Where a vertex has several (concave
 and mixed mirrors), one is found, which one depends on the start. `multi` lifts that. Fails
-where triangles are long (the image of an edge is straight between its virtual end points). Shows no second bounce.
+where triangles are long (the image of an edge is straight between its virtual end points). Shows second
+bounces with `other_mirrors = "reflective"` alone, which the paper sketches in section 7, and none of a mirror in itself.
 
 Where we differ:
 * `placement = "mirror"` is the paper's: V mirrored in the plane at the best texel. It multiplies the error of the texel by
@@ -123,7 +124,8 @@ class ImageSpaceSearch(Method):
     warm           start where the last frame's search ended: at its point, seen anew ("point"), at its texel as in the
                    paper ("texel"), or start cold in every frame ("off")
     max_iter       neighbourhoods after which a search gives up
-    other_mirrors  other mirrors in this one: "black", or "omitted" to show what is behind them
+    other_mirrors  other mirrors in this one: "black"; "reflective", which "ray" is needed for (kernels.vertices.higherorder);
+                   or "omitted" to show what is behind them
     self_reflection  the mirror in itself, where it is not convex: "black", which takes one ray per pixel of it, or "omitted"
     multi          reflections per vertex that are found and drawn; with more than one, every search is a cold one from
                    texels spread over the mirror's picture, and hidden vertices are "cut"
@@ -145,7 +147,7 @@ class ImageSpaceSearch(Method):
     start: Literal["pyramid", "centre"] = "pyramid"
     warm: Literal["point", "texel", "off"] = "point"
     max_iter: Annotated[int, Field(ge=1, le=65536)] = 4096
-    other_mirrors: Literal["black", "omitted"] = "black"
+    other_mirrors: Literal["black", "reflective", "omitted"] = "black"
     self_reflection: Literal["black", "omitted"] = "black"
     multi: Annotated[int, Field(ge=1, le=8)] = 1
     resolve: Literal["interpolate", "ray"] = "interpolate"
@@ -167,7 +169,7 @@ class ImageSpaceSearch(Method):
     }
 
     def __post_init__(self) -> None:
-        scenery.check(self.resolve, self.lod_px, self.split_px, self.multi, "image_space_search")
+        scenery.check(self.resolve, self.lod_px, self.split_px, self.multi, "image_space_search", self.other_mirrors)
         if self.multi > 1 and self.hidden != "cut":
             raise ValueError(f'image_space_search: multi {self.multi} with hidden "{self.hidden}"; accepted: "cut"')
 
@@ -175,7 +177,8 @@ class ImageSpaceSearch(Method):
         mirrors = [_mirror(reflector, self.multi) for reflector in scene.reflectors]
         searched = [reflector.closed or reflector.mesh for reflector in scene.reflectors]
         pixels = scenery.pixels(self.split_px, told=self.multi == 1 and self.placement == "on_ray", unsaid=SPLIT_PX)
-        return State(scenery.of_scene(scene, searched, self.resolve, self.lod_px, pixels), [], None, mirrors)
+        seen = scenery.of_scene(scene, searched, self.resolve, self.lod_px, pixels, others=self.other_mirrors)
+        return State(seen, [], None, mirrors)
 
     def update(self, state: State, frame: Frame) -> State:
         return replace(state, scenery=scenery.posed(state.scenery, frame))

@@ -11,8 +11,8 @@ triangles join what belongs together (kernels.vertices.several, .branches). Wher
 per pixel of a mirror that is not convex (`self_reflection`). Of two reflections that are about to meet on a caustic, one may
 be missed, and triangles that reach over the caustic are not drawn.
 
-Needs no star-shaped and no convex mirror. Fails where triangles are long: images of edges are straight. Shows no second
-bounce.
+Needs no star-shaped and no convex mirror. Fails where triangles are long: images of edges are straight. Shows second
+bounces with `other_mirrors = "reflective"` alone, and none of a mirror in itself.
 """
 
 from __future__ import annotations
@@ -58,7 +58,8 @@ class Newton(Method):
     """
     warm      start where the last frame's walk ended, and anew where that leads nowhere
     hidden    triangles with hidden vertices: "cut" where they become hidden, or "drop"
-    other_mirrors    other mirrors in this one: "black", or "omitted" to show what is behind them
+    other_mirrors    other mirrors in this one: "black"; "reflective", which "ray" is needed for (kernels.vertices.higherorder);
+              or "omitted" to show what is behind them
     self_reflection  the mirror in itself, where it is not convex: "black", which takes one ray per pixel of it, or "omitted"
     max_iter  points after which a walk gives up
     multi     reflections per vertex that are found and drawn; with more than one, every walk is a cold one
@@ -72,7 +73,7 @@ class Newton(Method):
 
     warm: bool = True
     hidden: Literal["cut", "drop"] = "cut"
-    other_mirrors: Literal["black", "omitted"] = "black"
+    other_mirrors: Literal["black", "reflective", "omitted"] = "black"
     self_reflection: Literal["black", "omitted"] = "black"
     max_iter: Annotated[int, Field(ge=1, le=65536)] = 60
     multi: Annotated[int, Field(ge=1, le=8)] = 1
@@ -81,7 +82,7 @@ class Newton(Method):
     split_px: Annotated[float, Field(ge=0, le=1e3)] | None = None
 
     def __post_init__(self) -> None:
-        scenery.check(self.resolve, self.lod_px, self.split_px, self.multi, "newton")
+        scenery.check(self.resolve, self.lod_px, self.split_px, self.multi, "newton", self.other_mirrors)
 
     knobs: ClassVar[tuple[Knob, ...]] = (
         Knob("split_px", (16.0, 4.0, 2.0, 1.0, 0.5, 0.25)),
@@ -108,7 +109,7 @@ class Newton(Method):
             for r, mesh in zip(scene.reflectors, mirrors.meshes, strict=True)
         ]
         split_px = scenery.pixels(self.split_px, told=self.multi == 1)
-        seen = scenery.of_scene(scene, searched, self.resolve, self.lod_px, split_px, mirrors.groups)
+        seen = scenery.of_scene(scene, searched, self.resolve, self.lod_px, split_px, mirrors.groups, self.other_mirrors)
         return State(seen, [], None, mirrors.meshes, seeds, mirrors.joined)
 
     def update(self, state: State, frame: Frame) -> State:

@@ -7,7 +7,8 @@ Paper: Roger, Holzschuch, "Accurate specular reflections in real-time", Eurograp
 
 Assumes a star-shaped mirror. The paper assumes one reflection per vertex: mirrors with several show the one that the search
 comes to. `multi` lifts that. Fails where triangles are long (images of edges are straight), and near outlines, where a secant
-may leave the mirror's visible side: its own test then says "not converged". Shows no second bounce.
+may leave the mirror's visible side: its own test then says "not converged". Shows
+second bounces with `other_mirrors = "reflective"` alone, and none of a mirror in itself.
 
 Where we differ:
 * The printed equation (1) is a transpose and has other zeros than the path's length: kernels.vertices.secant.
@@ -119,7 +120,8 @@ class SecantTriangle(Method):
     hidden          triangles with hidden vertices: "cut", "drop", "emdt_mirror" or "clamp"; see above
     depth           "perspective", or "screen_linear" as in the paper (which knows no "cut" and no "emdt_mirror")
     self_occlusion  leave out what lies behind the mirror's own nearest back
-    other_mirrors   other mirrors in this one: "black", or "omitted" to show what is behind them
+    other_mirrors   other mirrors in this one: "black"; "reflective", which "ray" is needed for (kernels.vertices.higherorder);
+                    or "omitted" to show what is behind them
     self_reflection  the mirror in itself, where it is not convex: "black", which takes one ray per pixel of it, or "omitted"
     max_iter        samples, and again points, after which a search gives up
     multi           reflections per vertex that are found and drawn; with more than one, every search is a cold one from a
@@ -142,7 +144,7 @@ class SecantTriangle(Method):
     hidden: Literal["cut", "drop", "emdt_mirror", "clamp"] = "cut"
     depth: Literal["perspective", "screen_linear"] = "perspective"
     self_occlusion: bool = True
-    other_mirrors: Literal["black", "omitted"] = "black"
+    other_mirrors: Literal["black", "reflective", "omitted"] = "black"
     self_reflection: Literal["black", "omitted"] = "black"
     max_iter: Annotated[int, Field(ge=1, le=65536)] = 60
     multi: Annotated[int, Field(ge=1, le=8)] = 1
@@ -165,7 +167,7 @@ class SecantTriangle(Method):
     }
 
     def __post_init__(self) -> None:
-        scenery.check(self.resolve, self.lod_px, self.split_px, self.multi, "secant_triangle")
+        scenery.check(self.resolve, self.lod_px, self.split_px, self.multi, "secant_triangle", self.other_mirrors)
         if self.depth == "screen_linear" and self.hidden in ("cut", "emdt_mirror"):
             raise ValueError(f'secant_triangle: depth "screen_linear" with hidden "{self.hidden}"; accepted: "drop" or "clamp"')
         if self.multi > 1 and (self.hidden not in ("cut", "drop") or self.depth != "perspective"):
@@ -187,7 +189,8 @@ class SecantTriangle(Method):
             mirrors.append(Mirror(made.star, made.mesh, made.sheet, seeds))
         corners = np.concatenate([np.asarray(part.mesh.transformed(part.pose(0.0)).vertices) for part in scene.parts])
         d_max = dr.opaque(mi.Float, FARTHEST * float(np.linalg.norm(np.ptp(corners, axis=0))))
-        seen = scenery.of_scene(scene, searched, self.resolve, self.lod_px, scenery.pixels(self.split_px, told=self.multi == 1))
+        pixels = scenery.pixels(self.split_px, told=self.multi == 1)
+        seen = scenery.of_scene(scene, searched, self.resolve, self.lod_px, pixels, others=self.other_mirrors)
         return State(seen, [], None, mirrors, d_max)
 
     def update(self, state: State, frame: Frame) -> State:

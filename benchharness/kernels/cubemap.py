@@ -82,6 +82,26 @@ def capture(
     return texels
 
 
+def named(
+    triangles: geometry.Geometry, drawn: mi.Bool, centre: mi.Point3f, n: int, near: mi.Float
+) -> tuple[mi.UInt32, mi.Float]:
+    """Which triangle is seen around `centre`, `raster.NONE` for none, and 1 / its depth along the axis of the face, 0 for none:
+    a number per texel each, [6, n + 2, n + 2]. Arguments as `capture` has them."""
+    count = (n + 2) * (n + 2)
+    names, nearness = dr.empty(mi.UInt32, 6 * count), dr.empty(mi.Float, 6 * count)
+    lane = dr.arange(mi.UInt32, count)
+    for face in range(6):
+        view = _view(face, n, centre, near)
+        visibility = raster.rasterize(triangles.points, triangles.faces, triangles.face_count, view, drawn=drawn)
+        triangle = raster.winner_at(visibility, view, lane, True)
+        hit = triangle != raster.NONE
+        _, _, p = raster.met(triangles.points, triangles.faces, dr.select(hit, triangle, 0), view, lane)
+        depth = dr.dot(view.w, mi.Vector4f(p.x, p.y, p.z, 1))
+        dr.scatter(names, triangle, lane + face * count)
+        dr.scatter(nearness, dr.select(hit, dr.rcp(depth), 0), lane + face * count)
+    return names, nearness
+
+
 def direction(face: mi.UInt32, u: mi.Float, v: mi.Float) -> mi.Vector3f:
     """The direction of a point on a face, unnormalised."""
     axis = face >> 1

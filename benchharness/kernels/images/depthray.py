@@ -133,14 +133,25 @@ def project(
     return Segment(a, b, low, high, Z_a, Z_b, map, active)
 
 
-def row_of(segment: Segment, layout: Layout, anchor: Anchor) -> tuple[mi.UInt32, mi.Bool, mi.Float, mi.Float]:
-    """The row nearest to a segment's image: its index in the buffer, whether there is one, and u of a and of b."""
-    assert anchor in ("mid", "start"), anchor
+def turns_of(segment: Segment, layout: Layout) -> mi.Float:
+    """By how many angular increments a segment's image is turned from the rows of rotation 0, in [0, n]."""
     along = segment.b - segment.a
     is_point = along.x * along.x + along.y * along.y < POINT * POINT
     psi = dr.select(is_point, 0, dr.atan2(along.y, dr.select(is_point, 1, along.x)))
     psi = dr.select(psi < 0, psi + dr.pi, psi)
-    turn = mi.UInt32(dr.floor(psi * (layout.n / dr.pi) + 0.5))
+    return psi * (layout.n / dr.pi)
+
+
+def row_of(
+    segment: Segment, layout: Layout, anchor: Anchor, *, second: bool = False
+) -> tuple[mi.UInt32, mi.Bool, mi.Float, mi.Float]:
+    """The row nearest to a segment's image: its index in the buffer, whether there is one, and u of a and of b. `second`: the
+    nearest of the rotation on the other side of the image."""
+    assert anchor in ("mid", "start"), anchor
+    turns = turns_of(segment, layout)
+    turn = mi.UInt32(dr.floor(turns + 0.5))
+    if second:
+        turn = dr.select(turns > mi.Float(turn), turn + 1, turn + (layout.n - 1))
     turn = dr.select(turn >= layout.n, turn - layout.n, turn)  # pi is 0 with u the other way
     sine, cosine = dr.sincos(mi.Float(turn) * (dr.pi / layout.n))
     place = layout.place(segment.map)
@@ -165,13 +176,15 @@ def meet_rows(
     anchor: Anchor = "mid",
     both_sides: bool = False,
     dropped: mi.UInt32 | None = None,
+    second: bool = False,
 ) -> Hit:
     """Where rays first meet the simplified row that lies nearest to them.
 
     both_sides  they hit from behind the surface too
     dropped     spans that have no room, per row; None: that does not count
+    second      as in `row_of`
     """
-    row, active, u_a, u_b = row_of(segment, layout, anchor)
+    row, active, u_a, u_b = row_of(segment, layout, anchor, second=second)
     du, dz = u_b - u_a, segment.b.z - segment.a.z
     u_start, u_end = dr.minimum(u_a, u_b), dr.maximum(u_a, u_b)
     onward = du > 0

@@ -35,10 +35,12 @@ AT_CENTRE = 1e-6  # metres: a ray starts at least so far from the centre
 
 @dataclass
 class DistanceMap:
-    """1 / depth along the axis of each face, 0 for the surroundings; Float [6, n + 2, n + 2] as `kernels.cubemap` has it."""
+    """1 / depth along the axis of each face, 0 for the surroundings; Float [6, n + 2, n + 2] as `kernels.cubemap` has it.
+    first: the texel at which the map begins, among others of its size in the same buffer."""
 
     nearness: mi.Float
     n: int
+    first: mi.UInt32 | int = 0
 
 
 @dataclass
@@ -99,15 +101,20 @@ def length(of: Ray, spot: Spot) -> mi.Float:
     return dr.select(far, dr.inf, of.a * dr.maximum(spot.t, LEAST) / dr.select(far, 1, spot.s))
 
 
-def corners(map: DistanceMap, d: mi.Vector3f, active: mi.Bool | bool) -> tuple[list[mi.Float], mi.Float, mi.Float]:
-    """1 / depth at the four texels around direction d, and where it is between them."""
+def around(map: DistanceMap, d: mi.Vector3f) -> tuple[list[mi.UInt32], mi.Float, mi.Float]:
+    """The four texels around direction d, and where it is between them."""
     n = map.n
     face, u, v = cubemap.face_of(d)
     x, y = (u + 1) * (0.5 * n) + 0.5, (v + 1) * (0.5 * n) + 0.5
     column, row = dr.clip(mi.Int32(x), 0, n), dr.clip(mi.Int32(y), 0, n)
-    first = (face * (n + 2) + mi.UInt32(row)) * (n + 2) + mi.UInt32(column)
-    values = [dr.gather(mi.Float, map.nearness, first + k, active) for k in (0, 1, n + 2, n + 3)]
-    return values, x - mi.Float(column), y - mi.Float(row)
+    first = map.first + (face * (n + 2) + mi.UInt32(row)) * (n + 2) + mi.UInt32(column)
+    return [first + k for k in (0, 1, n + 2, n + 3)], x - mi.Float(column), y - mi.Float(row)
+
+
+def corners(map: DistanceMap, d: mi.Vector3f, active: mi.Bool | bool) -> tuple[list[mi.Float], mi.Float, mi.Float]:
+    """1 / depth at the four texels around direction d, and where it is between them."""
+    texels, fx, fy = around(map, d)
+    return [dr.gather(mi.Float, map.nearness, texel, active) for texel in texels], fx, fy
 
 
 def at(map: DistanceMap, of: Ray, t: mi.Float, s: mi.Float, active: mi.Bool | bool) -> Spot:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels.images import depthmap, depthray
+from benchharness.kernels.images import depthmap, depthray, rowpair
 from benchharness.kernels.images.candidates import NONE, Candidates, Ray
 from benchharness.kernels.images.depthmap import Layout
 
@@ -41,10 +41,12 @@ class Walk:
 
     split_jump  as in `depthray.meet_texels`; the rows have their own already
     anchor      as in `depthray.meet_rows`
+    pair        they are met by two rows each (`rowpair`)
     """
 
     split_jump: float = 0.0
     anchor: depthray.Anchor = "mid"
+    pair: bool = False
 
 
 @dataclass
@@ -91,6 +93,10 @@ def nearest(reliefs: Reliefs, columns: int, ray: Ray, nearer: mi.Float, walk: Wa
         if segment.active:  # many rays pass by
             if dr.hint(reliefs.rows is None, mode="scalar"):
                 hit = depthray.meet_texels(segment, reliefs.depth, reliefs.layout.w, walk.split_jump, place=place)
+            elif dr.hint(walk.pair, mode="scalar"):
+                hit = rowpair.meet(
+                    segment, reliefs.rows, reliefs.layout, reliefs.depth, place, walk.anchor, dropped=reliefs.dropped
+                )
             else:
                 hit = depthray.meet_rows(segment, reliefs.rows, reliefs.layout, walk.anchor, dropped=reliefs.dropped)
                 # The row lies beside the ray's image: what it shows may not be in the picture there.

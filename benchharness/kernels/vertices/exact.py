@@ -90,6 +90,7 @@ class Shown:
     unmet        the ray meets nothing, although it should or a triangle is named
     mirror       it meets a mirror
     astray       it sees another piece than its pixel names
+    triangle     that the ray meets, NONE for none
     """
 
     L: mi.Color3f
@@ -98,6 +99,7 @@ class Shown:
     unmet: mi.Bool
     mirror: mi.Bool
     astray: mi.Bool
+    triangle: mi.UInt32
 
 
 @frozen
@@ -283,7 +285,7 @@ def _shown(asked: Asked, pixels: Pixels, triangle: mi.UInt32, walled: mi.Bool) -
         mirror = found & (geometry.part_of(passed.face) >= asked.objects)
     unmet = ~met & (within | (named != NONE))
     astray = meshwalk.piece(asked, triangle) != meshwalk.piece(asked, named)
-    return Shown(L, t, found, unmet, mirror, astray)
+    return Shown(L, t, found, unmet, mirror, astray, triangle)
 
 
 @frozen

@@ -10,7 +10,7 @@ import numpy as np
 
 from benchharness.kernels import geometry, passage, surroundings
 from benchharness.kernels.types import Frame, MeshLike, SceneLike
-from benchharness.kernels.vertices import adjacency, drawlist, nearlist
+from benchharness.kernels.vertices import adjacency, drawlist, higherorder, nearlist
 
 FLAT = 1e-6  # how much normals of a flat mirror differ
 HOLLOW = 1e-3  # radians that a normal may turn inwards along an edge of a mirror that is nowhere hollow
@@ -34,6 +34,7 @@ class Scenery:
     flat, bulges  per reflector, whether all its normals are one, and whether it is nowhere hollow; False where no edge is split
     still         the poses of parts that are where they were modelled
     near          which triangles are searched and drawn for which mirror, of a stock of parts as they are; None for all
+    mirrors       what rays that meet them go on by; None where they are black in one another
     """
 
     triangles: geometry.Geometry
@@ -51,9 +52,10 @@ class Scenery:
     bulges: tuple[bool, ...]
     still: mi.Float
     near: nearlist.Near | None = None
+    mirrors: higherorder.Mirrors | None = None
 
     def parts_shown(self, others: str) -> int:
-        """Parts from this number on are left out: other mirrors are shown "black" or "omitted"."""
+        """Parts from this number on are left out: other mirrors are shown, "black" or "reflective", or "omitted"."""
         return self.objects if others == "omitted" else 0x7FFF_FFFF
 
 
@@ -69,13 +71,17 @@ def pixels(split_px: float | None, *, told: bool, unsaid: float = SPLIT_PX) -> f
     return unsaid if told else 0.0
 
 
-def check(resolve: str, lod_px: float, split_px: float | None, multi: int, name: str) -> None:
-    """Raises ValueError for levels of detail where nothing shows the parts themselves, and for edges that are to be split where
-    a vertex may have several images."""
+def check(resolve: str, lod_px: float, split_px: float | None, multi: int, name: str, others: str = "black") -> None:
+    """Raises ValueError for levels of detail and mirrors in mirrors where nothing shows the parts themselves, and for edges
+    that are to be split where a vertex may have several images."""
     if split_px and multi > 1:
         raise ValueError(f"{name}: split_px {split_px:g} with multi {multi}; accepted: 0, or multi 1")
     if lod_px > 0 and resolve != "ray":
         raise ValueError(f'{name}: lod_px {lod_px:g} with resolve "{resolve}"; accepted: 0, or "ray"')
+    if others == "reflective" and resolve != "ray":
+        raise ValueError(
+            f'{name}: other_mirrors "{others}" with resolve "{resolve}"; accepted: "black" or "omitted", or resolve "ray"'
+        )
 
 
 def of_scene(
@@ -85,6 +91,7 @@ def of_scene(
     lod_px: float = 0.0,
     split_px: float = 0.0,
     groups: list[list[int]] | None = None,
+    others: str = "black",
 ) -> Scenery:
     """What a `benchharness.scene.Scene` shows, uploaded.
 
@@ -92,6 +99,7 @@ def of_scene(
     resolve   what pixels show, "interpolate" or "ray"
     lod_px, split_px  as `Scenery` has them
     groups    likewise; None for each mirror alone
+    others    what mirrors are in one another: "black", "reflective" or "omitted"
     """
     triangles = geometry.of_scene(scene)
     any_light = scene.environment is not None or max(scene.background) > 0
@@ -107,6 +115,10 @@ def of_scene(
     enclosed = tuple(scene.enclosed)
     flat = tuple(split_px > 0 and bool(np.ptp(np.asarray(mesh.normals), axis=0).max() < FLAT) for mesh in searched)
     bulges = tuple(split_px > 0 and nowhere_hollow(mesh) for mesh in searched)
+    mirrors = None
+    if others == "reflective":
+        hollow = [not nowhere_hollow(reflector.closed or reflector.mesh) for reflector in scene.reflectors]
+        mirrors = higherorder.of_scene(scene, hollow) if len(hollow) > 1 else None
     objects, still = len(scene.objects), mi.Float(np.tile(np.eye(3, 4).ravel(), len(scene.parts)))
     return Scenery(
         triangles=triangles,
@@ -123,12 +135,16 @@ def of_scene(
         flat=flat,
         bulges=bulges,
         still=still,
+        mirrors=mirrors,
     )
 
 
 def posed(seen: Scenery, frame: Frame) -> Scenery:
     """The scenery with every part where it is in this frame."""
-    return replace(seen, world=geometry.placed(seen.triangles, frame.poses))
+    world, mirrors = geometry.placed(seen.triangles, frame.poses), seen.mirrors
+    if mirrors is not None:
+        mirrors = higherorder.placed(mirrors, world, frame.poses, seen.objects)
+    return replace(seen, world=world, mirrors=mirrors)
 
 
 def nowhere_hollow(mesh: MeshLike) -> bool:

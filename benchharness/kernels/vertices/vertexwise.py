@@ -22,6 +22,7 @@ from benchharness.kernels.vertices import (
     drawlist,
     edgeerror,
     exact,
+    higherorder,
     meshwalk,
     nearlist,
     reporting,
@@ -296,7 +297,8 @@ def _by_rays(seen: Scenery, beside: mi.UInt32, frame: Frame, drawn: list[_Drawn]
     if dr.width(frame.pixels) == 0:  # no mirror in view
         nothing = dr.zeros(mi.Float, count)
         doubt = dr.zeros(mi.Bool, count) if frame.doubts else None
-        return Reflection(mi.Color3f(nothing), nothing, dr.zeros(mi.Bool, count), None, {"unmet": mi.UInt32(0)}, doubt)
+        counters = {"unmet": mi.UInt32(0)} | ({} if seen.mirrors is None else {"second_order": mi.UInt32(0)})
+        return Reflection(mi.Color3f(nothing), nothing, dr.zeros(mi.Bool, count), None, counters, doubt)
     number = exact.numbers(frame.pixels, count)
     covering, small = (dr.full(mi.UInt32, adjacency.NONE, dr.width(frame.pixels)) for _ in range(2))
     for one in drawn:
@@ -313,9 +315,13 @@ def _by_rays(seen: Scenery, beside: mi.UInt32, frame: Frame, drawn: list[_Drawn]
     shows, pixels = exact.shown(
         asked, frame, number, exact.Named(covering, small), frame.active & passage.walled(seen.enclosed, frame.reflector)
     )
+    counters = {"unmet": mi.UInt32(shows.unmet)}
+    if seen.mirrors is not None:
+        counters["second_order"] = mi.UInt32(shows.mirror)
+        shows = higherorder.followed(shows, pixels, asked, seen.mirrors, frame.poses, seen.surroundings)
     x, y, z, distance, found = spreading.spread([*shows.L, shows.distance, shows.found], frame.pixels, frame.view)
     doubt = exact.doubted(shows, pixels) if frame.doubts else None
-    return Reflection(mi.Color3f(x, y, z), distance, frame.active & found, None, {"unmet": mi.UInt32(shows.unmet)}, doubt)
+    return Reflection(mi.Color3f(x, y, z), distance, frame.active & found, None, counters, doubt)
 
 
 def _may_be_lost(seen: Scenery, frame: Frame, drawn: list[_Drawn], sky: mi.Bool) -> mi.Bool:
