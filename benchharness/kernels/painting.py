@@ -9,16 +9,26 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from benchharness.kernels import packets, raster
-from benchharness.kernels.types import SceneLike, TextureLike
+from benchharness.kernels.types import SceneLike
 
 REPEAT, MIRROR, CLAMP = range(3)
 WRAPS = {"repeat": REPEAT, "mirror": MIRROR, "clamp": CLAMP}
+
+
+class TextureLike(Protocol):
+    """What kernels read of a `benchharness.scene.Texture`: float32 [H, W, 3], rows from the top; how it goes on along both."""
+
+    @property
+    def pixels(self) -> np.ndarray: ...
+    @property
+    def wrap(self) -> Any: ...
 
 
 @dataclass
