@@ -5,10 +5,11 @@ weights. Its roots on all triangles are all reflection points of the mirror, whe
 neither there, and however close to one another: nothing has to be started from, and nothing to be remembered from the last
 frame. Paper: Fan, Guo, Wang, Xiao, Zhang, Zhou, Chen, Hong, Guo, Yan, "Specular polynomials", SIGGRAPH 2024, for one bounce.
 
-Where we differ: the paper eliminates one weight by a resultant, a polynomial of degree 8. On small triangles nothing of it
-is left in single precision, and on a sphere's it vanishes; so roots are isolated by bounds in Bernstein's basis instead, on
-triangles and parts of them (kernels.vertices.polynomial). Triangles are ruled out by cones of half vectors and of normals, in
-clusters (.cones, .complete). Each root is handed to Newton's method on the normalised law, which has arrived there already.
+Where we differ: the paper eliminates one weight by a resultant, a polynomial of degree 8, for every triangle that it asks.
+Where eye and vertex lie in one direction along the normal of a ball or a plane, nothing can be eliminated; so roots are
+isolated by bounds in Bernstein's basis instead, which most triangles fail at once (kernels.vertices.polynomial). Others are
+ruled out by cones of half vectors and of normals (.cones, .complete). Each root is handed to Newton's method on the normalised
+law, which has arrived there already.
 
 Up to `multi` reflections of a vertex are drawn, first those that the mirror hides neither from the eye nor from the vertex, as
 by other methods with `multi` (.several, .branches); a mirror that is convex shows one. Where a vertex lies close to the mirror,

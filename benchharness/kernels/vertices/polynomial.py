@@ -10,12 +10,13 @@ P reflects V to E exactly where F = 0, a_E > 0 and a_V > 0: the slopes of both d
 and directions in one plane, follows. This is the system of Fan, Guo, Wang et al., "Specular polynomials", SIGGRAPH 2024, who
 take C and one component of F.
 
-They eliminate one weight by a resultant and look for the roots of a polynomial of degree 8 in the other. On the small triangles
-of a mesh that does not survive single precision: its terms have leading coefficients as factors, which fall with the fourth
-power of the triangle's size; where N is linear in P, as on every mesh of a sphere, they are 0, and so is the resultant. And
-where eye and vertex lie in one direction along a sphere's or a plane's normal, C is 0 everywhere; F has its one root. So
-nothing is eliminated here. A polynomial lies between the least and the greatest of its coefficients in Bernstein's basis, and
-so do its derivatives. A triangle has no root where a_E, a_V, C, or F after its own Jacobian's inverse say so; it has one at
+They eliminate one weight by a resultant and look for the roots of a polynomial of degree 8 in the other. That costs a triangle
+without roots, as nearly all are, as much as one with some. Where eye and vertex lie in one direction along a sphere's or a
+plane's normal, C is 0 everywhere, and nothing can be eliminated; F has its one root. On every mesh of a sphere, where N is
+linear in P, the leading coefficients of C and F are 0, and so is the determinant of full degree but for rounding.
+
+So nothing is eliminated here. A polynomial lies between the least and the greatest of its coefficients in Bernstein's basis,
+and so do its derivatives. A triangle has no root where a_E, a_V, C, or F after its own Jacobian's inverse say so; it has one at
 most where that makes the Jacobian nearly 1 all over it, and Newton's method finds it from anywhere; otherwise its four parts
 are asked. No reflection is missed but for those of a triangle with more than ROOTS, and two that are nearer to each other than
 what is left at DEPTH.

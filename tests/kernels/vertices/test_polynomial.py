@@ -197,4 +197,4 @@ def test_no_cluster_is_left_out_that_has_a_root_and_few_are_asked():
             asked.append(kept.mean())
         rooted += has.sum()
     assert rooted > 5
-    assert np.mean(asked[::2]) < 0.05 and np.mean(asked[1::2]) < 0.3
+    assert np.mean(asked[::2]) < 0.05 and np.mean(asked[1::2]) < 0.45
