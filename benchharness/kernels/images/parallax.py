@@ -32,12 +32,18 @@ STEPS = 16
 NEARER = 1.05  # times: texels of walls that are seen at a slant average to so much
 COVER = 0.1  # share of a texel that what is before the surroundings has to fill
 
+SLIPS = "something small slips through between the points of the ray that are looked up"
 LIMITS = {
-    "F-01, F-18, I-03": "something small slips through between the points of the ray that are looked up",
+    "F-01": SLIPS,
     "F-11, F-23, F-25": "rays that meet the mirror again elsewhere than in a hollow of one radius are not traced",
     "F-17": "no frame is compared with the last",
+    "F-18": SLIPS,
+    "F-21": "something small at the focus fills the mirror, but few texels of its map",
     "F-25, F-26": "rays that meet the mirror again elsewhere than in a hollow of one radius are not traced",
-    "I-28": "something small slips through between the points of the ray that are looked up",
+    "I-03": SLIPS,
+    "I-24": SLIPS,
+    "I-28": SLIPS,
+    "P-04": "a map holds the highlights seen from its place, and not whose surface they lie on",
 }
 """What methods that look up such maps cannot know, as in `benchharness.api.Method.limits`."""
 
