@@ -143,15 +143,6 @@ class Reflection:
     doubt: mi.Bool | None = None
 
 
-class TextureLike(Protocol):
-    """What kernels read of a `benchharness.scene.Texture`: float32 [H, W, 3], rows from the top; how it goes on along both."""
-
-    @property
-    def pixels(self) -> np.ndarray: ...
-    @property
-    def wrap(self) -> Any: ...
-
-
 class MeshLike(Protocol):
     """What kernels read of a `benchharness.scene.Mesh`: float64 [V, 3], int32 [F, 3] for the faces, and [V, 2] for uv."""
 
@@ -166,7 +157,7 @@ class MeshLike(Protocol):
     @property
     def uv(self) -> np.ndarray | None: ...
     @property
-    def texture(self) -> TextureLike | None: ...
+    def texture(self) -> Any: ...
     def transformed(self, pose: np.ndarray) -> MeshLike: ...
 
 
