@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -20,15 +20,6 @@ from benchharness.kernels.types import SceneLike
 
 REPEAT, MIRROR, CLAMP = range(3)
 WRAPS = {"repeat": REPEAT, "mirror": MIRROR, "clamp": CLAMP}
-
-
-class TextureLike(Protocol):
-    """What kernels read of a `benchharness.scene.Texture`: float32 [H, W, 3], rows from the top; how it goes on along both."""
-
-    @property
-    def pixels(self) -> np.ndarray: ...
-    @property
-    def wrap(self) -> Any: ...
 
 
 @dataclass
@@ -69,7 +60,7 @@ def paint_of(scene: SceneLike) -> Paint | None:
 
 
 @functools.lru_cache(maxsize=2)
-def _uploaded(textures: tuple[TextureLike, ...], variant: str) -> mi.Float:
+def _uploaded(textures: tuple[Any, ...], variant: str) -> mi.Float:
     """`Paint.pixels`, once for all who ask for the same scene."""
     rows = [packets.of_rows(texture.pixels.reshape(-1, 3)) for texture in textures]
     return mi.Float(np.concatenate(rows).ravel())

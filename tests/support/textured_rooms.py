@@ -9,18 +9,20 @@ from oracles.texture_oracle import looked_up
 from support.mirror_room import mirror_ball, scene, smooth, still
 from support.small_room import box, quad, sphere
 
+from benchharness.modelling.texture import Wrap
 from benchharness.scene import Mesh, Object, Reflector, Scene, Texture, subdivided
 
+Wraps = Wrap | tuple[Wrap, Wrap]
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)  # of `quad`, whose first side is along u
 SHEET = Reflector("sheet", quad((-0.7, 0.1, -0.6), (1.4, 0.2, 0.1), (0.05, 0.2, 1.2)))
 
 
-def noise(width: int = 12, height: int = 9, wrap="repeat", seed: int = 0) -> Texture:
+def noise(width: int = 12, height: int = 9, wrap: Wraps = "repeat", seed: int = 0) -> Texture:
     """Every pixel another colour: what is a pixel off, turned or mirrored, is seen."""
     return Texture(np.random.default_rng(seed).random((height, width, 3)), wrap)
 
 
-def wavy(wrap="clamp", width: int = 24, height: int = 16) -> Texture:
+def wavy(wrap: Wraps = "clamp", width: int = 24, height: int = 16) -> Texture:
     """Smooth, unlike itself however it is turned, in [0.1, 1]."""
     x, y = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height)
     channels = 0.55 + 0.45 * np.sin(5 * x), 0.55 + 0.45 * np.cos(6 * y * y), 0.1 + 0.9 * x * (1 - y)
