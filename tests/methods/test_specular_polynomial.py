@@ -124,7 +124,7 @@ def test_with_room_for_fewer_reflections_than_there_are_it_has_not_converged():
         answer = shaded(replace(METHOD, multi=multi), made, 0, size=SIZE)[0]
         objects = len(made.objects[0].mesh.vertices)
         assert len(slots(answer)) == multi
-        shares.append(np.array(answer.reflection.vertices.converged)[:objects].mean())
+        shares.append(np.array(slots(answer)[0].converged)[:objects].mean())
         assert np.array(answer.reflection.counters["reflections"])[:objects].mean() == pytest.approx(3, abs=0.15)
     assert shares[0] < 0.3 and shares[1] > 0.9
 

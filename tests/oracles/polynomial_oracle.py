@@ -81,8 +81,8 @@ def linear(x):
     return [np.array([[x[0, k], x[2, k] - x[0, k]], [x[1, k] - x[0, k], 0.0]]) for k in range(3)]
 
 
-def dot(a, b):
-    return sum(product(a[k], b[k]) for k in range(3))
+def dot(a, b) -> np.ndarray:
+    return product(a[0], b[0]) + product(a[1], b[1]) + product(a[2], b[2])
 
 
 def cross(a, b):
@@ -96,7 +96,8 @@ def system(p, n, eye, V, along):
     coplanar = dot(cross(to_eye, to_V), N)
 
     def across(d):
-        return sum(along[k] * c for k, c in enumerate(cross(d, N)))
+        x, y, z = cross(d, N)
+        return along[0] * x + along[1] * y + along[2] * z
 
     angles = product(dot(to_eye, N), across(to_V)) + product(dot(to_V, N), across(to_eye))
     return coplanar, angles
