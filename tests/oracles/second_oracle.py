@@ -43,6 +43,7 @@ def second_point(eye, V, A, B):
     u /= np.linalg.norm(u)
     v = np.cross(forward, u)
     middle, half = np.zeros(2), A[1] / np.sqrt(distance**2 - A[1] ** 2)
+    a, off, best = np.zeros((1, 3)), np.full(1, np.inf), 0
     for _ in range(6):
         x, y = (m + half * np.linspace(-1, 1, 161) for m in middle)
         x, y = (one.ravel() for one in np.meshgrid(x, y))
