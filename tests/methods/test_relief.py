@@ -274,7 +274,7 @@ def test_a_scene_of_planes_has_no_depth_maps():
         ("maps", 7, "at most 6"),
         ("maps", 0, "at least 1"),
         ("own_maps", 7, "at most 6"),
-        ("intersector", "rows", '"srdm" or "march"'),
+        ("intersector", "rows", '"srdm" or "srdm_interpolated" or "march"'),
         ("anchor", "end", '"mid" or "start"'),
         ("split_jump", -0.1, "at least 0"),
         ("turn", 181.0, "at most 180"),
