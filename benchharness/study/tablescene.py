@@ -13,8 +13,8 @@ Paths are relative to the config. OBJ, PLY, STL, GLB and glTF are read by `bench
 or refused; what was mended or left out is said. The scene is right-handed, z up, in metres: `up`, `unit`, `scale`,
 `rotate_deg`, `translate` and `fit` bring files there (`benchharness.study.placed`). A file's own normals are kept; one without
 has the creases of its smoothing groups, or where its faces turn by more than 60 degrees. A file of several materials is an
-object for each, `name/material`, in the colours and pictures that the file has; `albedo` and `emission` replace these, and an albedo makes
-it one object. Edges of objects longer than `h_max` metres, by default a twenty-fifth of the diagonal
+object for each, `name/material`, in the colours and with the pictures that the file has; `albedo` and `emission` replace these,
+and an albedo makes it one object. Edges of objects longer than `h_max` metres, by default a twenty-fifth of the diagonal
 of the box around all objects, are split before anything else: light lives at vertices, and images of straight edges are curves
 that vertices follow. Objects do not move; the eye goes along `path` at even pace between its points.
 
