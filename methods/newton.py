@@ -27,7 +27,6 @@ from benchharness.kernels.frozen import frozen
 from benchharness.kernels.vertices import (
     branches,
     mirrormesh,
-    newton,
     problems,
     scenery,
     several,
@@ -126,7 +125,7 @@ class Newton(Method):
             mesh, seeds = state.mirrors[i], state.seeds[i]
             if seeds is None:
                 return walks.solved(mirrors, g, problem, last, frame, own, drawing)
-            back = walks.nearest_back(mirrors, i, problem, frame) if seeds.closed else None
+            back = virtual.nearest_back(frame.proxies[i], frame.poses, problem.part, frame.view) if seeds.closed else None
             hider = sight.Shadow(mesh, problem.pose)
             return branches.solved(_solve_several(problem, mesh, seeds, self.multi), hider, back, drawing, own)
 
@@ -146,14 +145,5 @@ class Newton(Method):
 def _solve_several(problem: problems.Problem, mesh: MirrorMesh, seeds: several.Seeds, multi: int) -> branches.Arranged:
     """Virtual vertices, triangles and what was found of several reflections per vertex."""
     starts = several.begin(seeds, mesh, problem, multi)
-    walked = newton.walk(mesh, starts.local, starts.on, starts.active, problem.max_iter, touches=starts.touches)
-    ends = several.Ends(
-        R=walked.R,
-        n=walked.n,
-        reflected=walked.converged,
-        converged=walked.converged,
-        residual=walked.residual,
-        iterations=walked.iterations,
-        on=walked.on,
-    )
+    ends = walks.ended(starts, mesh, problem)
     return branches.arranged(several.finish(ends, starts, mesh, problem, multi), mesh, problem, multi)

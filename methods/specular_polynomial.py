@@ -37,7 +37,6 @@ from benchharness.kernels.vertices import (
     branches,
     complete,
     cones,
-    mirrormesh,
     newton,
     problems,
     scenery,
@@ -47,9 +46,10 @@ from benchharness.kernels.vertices import (
     single,
     vertexwise,
     virtual,
+    walks,
 )
-from benchharness.kernels.vertices.mirrormesh import MirrorMesh, SurfacePoint
-from benchharness.scene import Mesh, Reflector, Scene
+from benchharness.kernels.vertices.mirrormesh import MirrorMesh
+from benchharness.scene import Scene
 
 STEPS = 60  # of Newton's method; where it starts from a root, one or two
 OF_CONVEX = 2  # roots of a convex mirror's mesh, whose normals are smoother than its facets, that are chosen from
@@ -113,11 +113,13 @@ class SpecularPolynomial(Method):
         scenery.check(self.resolve, self.lod_px, None, self.multi, "specular_polynomial")
 
     def prepare(self, scene: Scene) -> State:
-        meshes = [_searched(reflector) for reflector in scene.reflectors]
-        arrays = [(m.vertices, m.normals, m.faces, r.closed is None) for m, r in zip(meshes, scene.reflectors, strict=True)]
-        mirrors, grouped = [mirrormesh.build(*a) for a in arrays], [cones.clusters(*a) for a in arrays]
+        meshes, mirrors = zip(*map(walks.mesh_of, scene.reflectors), strict=True)
+        grouped = [
+            cones.clusters(mesh.vertices, mesh.normals, mesh.faces, reflector.closed is None)
+            for mesh, reflector in zip(meshes, scene.reflectors, strict=True)
+        ]
         seen = scenery.of_scene(scene, meshes, self.resolve, self.lod_px, self.split_px)
-        return State(seen, [], None, mirrors, grouped)
+        return State(seen, [], None, list(mirrors), grouped)
 
     def update(self, state: State, frame: Frame) -> State:
         return replace(state, scenery=scenery.posed(state.scenery, frame))
@@ -150,12 +152,6 @@ class SpecularPolynomial(Method):
             warm=False,
             sheets=None,
         )
-
-
-def _searched(reflector: Reflector) -> Mesh:
-    """The closed stand-in if that is convex: it has no more reflections than the sheet that is seen, and no rim. Else that."""
-    closed = reflector.closed
-    return closed if closed is not None and mirrormesh.is_convex(closed.vertices, closed.faces) else reflector.mesh
 
 
 @frozen
@@ -195,16 +191,7 @@ def _solve(
 def _solve_several(problem: problems.Problem, mesh: MirrorMesh, grouped: cones.Clusters, multi: int) -> branches.Arranged:
     """Virtual vertices, triangles and what was found of several reflections per vertex."""
     starts, whole, work = complete.begin(grouped, mesh, problem, multi)
-    walked = newton.walk(mesh, starts.local, starts.on, starts.active, problem.max_iter, touches=starts.touches)
-    ends = several.Ends(
-        R=walked.R,
-        n=walked.n,
-        reflected=walked.converged,
-        converged=walked.converged,
-        residual=walked.residual,
-        iterations=walked.iterations,
-        on=SurfacePoint(walked.on.triangle, walked.on.b),
-    )
+    ends = walks.ended(starts, mesh, problem)
     made = branches.arranged(several.finish(ends, starts, mesh, problem, multi), mesh, problem, multi)
     made.vertices.converged &= whole
     made.counters["parts"] = work

@@ -144,9 +144,9 @@ def _different(
 def begin(grouped: Clusters, mesh: MirrorMesh, problem: Problem, multi: int) -> tuple[Starts, mi.Bool, mi.UInt32]:
     """All reflection points of every vertex, as what searches start from; whether a vertex has no others; and the work. One
     more start, in place of the last, where V is close to the mirror: there a triangle is large beside its distance."""
-    most, count, pose, view = several.tries(multi), problem.count, problem.pose, problem.view
+    most, count = several.tries(multi), problem.count
     lane, V, active = problem.vertices()
-    seen = sight.look_at(mesh, placement.mirror_frame(pose, V, view), active)
+    seen = sight.look_at(mesh, placement.mirror_frame(problem.pose, V, problem.view), active)
     found = roots(grouped, mesh, problem, active, most)
     touching, complete, work = mi.Bool(seen.touches), mi.Bool(found.complete), dr.select(active, found.work, 0)
     dr.eval(found, seen, touching, complete, work)
@@ -158,20 +158,4 @@ def begin(grouped: Clusters, mesh: MirrorMesh, problem: Problem, multi: int) -> 
         dr.scatter(triangle, own, k * count + lane)
         dr.scatter(weights, b, k * count + lane)
     dr.eval(triangle, weights)
-
-    lane = dr.arange(mi.UInt32, most * count)
-    vertex = lane % count
-    triangle = dr.gather(mi.UInt32, triangle, lane)
-    active = triangle != NONE
-    on = SurfacePoint(dr.select(active, triangle, 0), dr.gather(mi.Point2f, weights, lane))
-    V = mi.Point3f(dr.gather(mi.Vector4f, problem.world.points, vertex).xyz)
-    starts = Starts(
-        vertex=vertex,
-        V=V,
-        local=placement.mirror_frame(pose, V, view),
-        on=on,
-        P=mirrormesh.position(mesh, on, active),
-        active=active,
-        touches=(lane >= (most - 1) * count) & dr.gather(mi.Bool, touching, vertex),
-    )
-    return starts, complete, work
+    return several.starts_on(triangle, weights, touching, mesh, problem, most), complete, work

@@ -145,6 +145,15 @@ def begin(grid: Seeds, mesh: MirrorMesh, problem: Problem, multi: int) -> Starts
     touching = mi.Bool(seen.touches)
     dr.eval(triangle, weights, touching)
 
+    return starts_on(triangle, weights, touching, mesh, problem, most)
+
+
+def starts_on(
+    triangle: mi.UInt32, weights: mi.Float, touching: mi.Bool, mesh: MirrorMesh, problem: Problem, most: int
+) -> Starts:
+    """The starts on triangles [most V] of a mirror, NONE for none, at their `weights` [most V, 2]. `touching`: per vertex,
+    `sight.Sight.touches`; its last start stands for that."""
+    count = problem.count
     lane = dr.arange(mi.UInt32, most * count)
     vertex = lane % count
     triangle = dr.gather(mi.UInt32, triangle, lane)
@@ -154,7 +163,7 @@ def begin(grid: Seeds, mesh: MirrorMesh, problem: Problem, multi: int) -> Starts
     return Starts(
         vertex=vertex,
         V=V,
-        local=placement.mirror_frame(pose, V, view),
+        local=placement.mirror_frame(problem.pose, V, problem.view),
         on=on,
         P=mirrormesh.position(mesh, on, active),
         active=active,

@@ -14,7 +14,7 @@ import mitsuba as mi
 from benchharness.kernels import optics, placement
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.types import Frame, MeshLike, ReflectorLike, Vertices
-from benchharness.kernels.vertices import branches, mirrormesh, newton, problems, search, sight, vertexwise, virtual
+from benchharness.kernels.vertices import branches, mirrormesh, newton, problems, search, several, sight, vertexwise, virtual
 from benchharness.kernels.vertices.mirrormesh import MirrorMesh, SurfacePoint
 
 
@@ -45,7 +45,7 @@ class Mirrors:
 
 def mirrors_of(reflectors: Sequence[ReflectorLike]) -> tuple[Mirrors, list[MeshLike]]:
     """The mirrors of a scene, and the meshes of theirs that are searched."""
-    both = [_mesh(reflector) for reflector in reflectors]
+    both = [mesh_of(reflector) for reflector in reflectors]
     searched, meshes = [mesh for mesh, _ in both], [walked for _, walked in both]
     together = [i for i, mesh in enumerate(meshes) if mesh.convex]
     groups = [[i] for i, mesh in enumerate(meshes) if not mesh.convex or len(together) == 1]
@@ -59,7 +59,7 @@ def _joined(meshes: list[MeshLike]) -> mirrormesh.Joined:
     return mirrormesh.joined([(mesh.vertices, mesh.normals, mesh.faces) for mesh in meshes])
 
 
-def _mesh(reflector: ReflectorLike) -> tuple[MeshLike, MirrorMesh]:
+def mesh_of(reflector: ReflectorLike) -> tuple[MeshLike, MirrorMesh]:
     """What is searched, and that ready to be walked on. The closed stand-in if it is convex: then it has no more reflections
     than the sheet that is seen, and no rim. Else the sheet: on a bowl's wall or the inside of a ring, walks would end on sides
     that the eye never sees."""
@@ -79,11 +79,6 @@ def meeting(mirrors: Mirrors, g: int, objects: int, frame: Frame, own: str) -> d
         pose = placement.pose_of(frame.poses, dr.opaque(mi.UInt32, objects + i))
         asked |= branches.meeting(i, mirrors.meshes[i], pose, own, frame.doubts)
     return asked
-
-
-def nearest_back(mirrors: Mirrors, i: int, problem: problems.Problem, frame: Frame) -> mi.Float:
-    """`vertexwise.Solved.back` of a mirror."""
-    return virtual.nearest_back(frame.proxies[i], frame.poses, problem.part, frame.view)
 
 
 def solved(
@@ -108,7 +103,9 @@ def solved(
         hider, back = sight.Shadows(joined, frame.poses, *problem.of_triangles), None
     else:
         hider = sight.Shadow(mesh, problem.pose)
-        back = nearest_back(mirrors, i, problem, frame) if mesh.closed and not mesh.convex else None
+        back = None
+        if mesh.closed and not mesh.convex:
+            back = virtual.nearest_back(frame.proxies[i], frame.poses, problem.part, frame.view)
     whole = mesh.convex and drawing.hidden == "cut"
     return vertexwise.Solved(find(problem, last), drawing, hider, back, whole, own=own, further=find)
 
@@ -168,3 +165,17 @@ def _solve(
     )
     warm = reflected if free is None else reflected & free
     return *problems.images_of(problem, answer), Ends(walked.on, mi.Bool(warm))
+
+
+def ended(starts: several.Starts, mesh: MirrorMesh, problem: problems.Problem) -> several.Ends:
+    """Where the walks from several starts per vertex ended."""
+    walked = newton.walk(mesh, starts.local, starts.on, starts.active, problem.max_iter, touches=starts.touches)
+    return several.Ends(
+        R=walked.R,
+        n=walked.n,
+        reflected=walked.converged,
+        converged=walked.converged,
+        residual=walked.residual,
+        iterations=walked.iterations,
+        on=walked.on,
+    )
