@@ -111,7 +111,7 @@ def _picture(
             decoded[source] = pictures.decoded(data)
         except Refused as error:
             findings.say(f"the picture {whose} is missing ({str(error).partition(';')[0]}); drawn in its plain colour")
-        except Exception as error:  # whatever a reader of pictures may raise
+        except Exception as error:  # of Pillow's readers, or what an image lacks: the mesh is worth reading without its picture
             findings.say(f"the picture {whose} cannot be read ({error}); drawn in its plain colour")
     return decoded[source]
 

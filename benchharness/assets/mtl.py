@@ -86,14 +86,8 @@ def _look(name: str, said: dict[str, str], path: Path, findings: Findings) -> Lo
     if "map_kd" not in said:
         return look
     file, options = _options(said["map_kd"])
-    found = files.found(path.parent, file)
-    try:
-        picture = None if found is None else pictures.decoded(found)
-    except Exception as error:  # whatever a reader of pictures may raise
-        findings.say(f"picture {file} of material {name} cannot be read ({error}); drawn in its plain colour")
-        return look
+    picture = pictures.named(path.parent, file, f"picture {file} of material {name}", findings)
     if picture is None:
-        findings.say(f"picture {file} of material {name} is missing; drawn in its plain colour")
         return look
     if base is not None and not any(base):
         findings.say(f"Kd of material {name} is 0 beside a picture, and counts as 1")

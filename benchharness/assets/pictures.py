@@ -8,6 +8,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from benchharness.assets import files
+from benchharness.assets.asset import Findings
+
 
 def decoded(source: Path | bytes) -> np.ndarray:
     """The picture of a file or of its bytes, float32 [H, W, 3], linear, transparency dropped. Raises whatever Pillow does."""
@@ -18,6 +21,19 @@ def decoded(source: Path | bytes) -> np.ndarray:
         if picture.mode == "F":
             return np.repeat(np.asarray(picture, np.float32)[:, :, None], 3, axis=2)
         return _LINEAR[np.asarray(picture.convert("RGB"))]
+
+
+def named(folder: Path, name: str, what: str, findings: Findings) -> np.ndarray | None:
+    """The picture that a file of `folder` means by `name`; None, and a word on `what`, if it is missing or cannot be read."""
+    found = files.found(folder, name)
+    if found is None:
+        findings.say(f"{what} is missing; drawn in its plain colour")
+        return None
+    try:
+        return decoded(found)
+    except Exception as error:  # Pillow's readers raise what they like, and the mesh is worth reading without its picture
+        findings.say(f"{what} cannot be read ({error}); drawn in its plain colour")
+        return None
 
 
 def linear(encoded: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchharness.assets import files, pictures, ply_tables, polygons, surface
+from benchharness.assets import pictures, ply_tables, polygons, surface
 from benchharness.assets.asset import PLAIN, WHITE, Colour, Findings, Material, Part, Refused
 from benchharness.assets.ply_tables import Table
 
@@ -156,17 +156,9 @@ def _materials(
         findings.say(f"pictures are ignored but for the first, as faces do not say which they have: {', '.join(named[1:])}")
     materials = []
     for name in named if numbers is not None else named[:1]:
-        found = files.found(path.parent, name)
-        material = Material(name.rpartition("/")[2].rpartition(".")[0], plain)
-        try:
-            picture = None if found is None else pictures.decoded(found)
-            if picture is None:
-                findings.say(f"picture {name} is missing; drawn in its plain colour")
-            else:
-                material = Material(material.name, WHITE, picture)
-        except Exception as error:  # whatever a reader of pictures may raise
-            findings.say(f"picture {name} cannot be read ({error}); drawn in its plain colour")
-        materials.append(material)
+        picture = pictures.named(path.parent, name, f"picture {name}", findings)
+        title = name.rpartition("/")[2].rpartition(".")[0]
+        materials.append(Material(title, plain if picture is None else WHITE, picture))
     materials.append(Material("", plain))
     none = len(materials) - 1
     if numbers is None:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -224,7 +225,7 @@ def _attribute(values: np.ndarray | None, number: np.ndarray | None, missing: fl
 
 def together(several: Sequence[Corners]) -> Corners:
     """All in one; who has no normals, coordinates or colours has -1 for each of them. Smoothing groups are dropped."""
-    joined: dict[str, np.ndarray | None] = {"material": np.concatenate([one.material for one in several])}
+    joined: dict[str, Any] = {"material": np.concatenate([one.material for one in several])}
     for number, values in (("place", "places"), ("normal", "normals"), ("uv", "uvs"), ("colour", "colours")):
         tables = [getattr(one, values) for one in several if getattr(one, values) is not None]
         numbers, start = [], 0
@@ -234,4 +235,4 @@ def together(several: Sequence[Corners]) -> Corners:
             start += len(getattr(one, values)) if has else 0
         joined[number] = np.concatenate(numbers) if tables else None
         joined[values] = np.concatenate(tables) if tables else None
-    return Corners(**joined)  # type: ignore[arg-type]
+    return Corners(**joined)

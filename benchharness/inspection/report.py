@@ -72,8 +72,9 @@ def _place(scene: Scene) -> Iterator[Note]:
 
 def _part(part: Object | Reflector, scene: Scene, size: tuple[int, int]) -> Iterator[Note]:
     mirror = isinstance(part, Reflector)
-    yield Note(f"{'mirror' if mirror else 'object'} {part.name}: {surfacefacts.described(part.mesh)}")
-    for text in surfacefacts.faults(part.mesh, mirror=mirror):
+    facts = surfacefacts.facts(part.mesh)
+    yield Note(f"{'mirror' if mirror else 'object'} {part.name}: {surfacefacts.described(facts)}")
+    for text in surfacefacts.faults(facts, mirror=mirror):
         yield Note(f"{part.name}: {text}", wrong=True)
     longest = longest_edge_px(part, scene, size)
     if not mirror and longest > WIDE * size[1] and part.mesh.radiance is None and scene.h_max is None:

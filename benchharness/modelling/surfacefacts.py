@@ -57,8 +57,6 @@ def facts(mesh: Shaded) -> Facts:
     corners = vertices[faces]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     flat = np.linalg.norm(crossed, axis=1) <= FLAT * longest**2
-    inside = corners - used.mean(axis=0)
-    each = np.einsum("fi,fi->f", inside[:, 0], np.cross(inside[:, 1], inside[:, 2])) / 6
     seams, creases = _seams(mesh)
     own = normals[faces]
     turns = np.einsum("fki,fki->fk", own, np.roll(own, 1, axis=1)).min(axis=1)[~flat]
@@ -70,7 +68,7 @@ def facts(mesh: Shaded) -> Facts:
         pieces=len(found.closed),
         closed=int(found.closed.sum()),
         one_sided=int((~found.two_sided)[found.piece].sum()),
-        volume=float(each[found.closed[found.piece]].sum()),
+        volume=float(winding.volumes(mesh)[found.closed[found.piece]].sum()),
         degenerate=int(flat.sum()),
         seams=seams,
         creases=creases,
@@ -92,12 +90,11 @@ def _seams(mesh: Shaded) -> tuple[int, int]:
     return int((count > 1).sum()), int((differ & (count > 1)).sum())
 
 
-def described(mesh: Shaded, unit: str = "m") -> str:
-    """One sentence: how much there is of it, where, and whether it is closed."""
-    it = facts(mesh)
+def described(it: Facts) -> str:
+    """One sentence: how much there is of it, where, and whether it is closed; lengths are metres."""
     size = " x ".join(f"{length:.4g}" for length in it.high - it.low)
     middle = ", ".join(f"{at:.4g}" for at in 0.5 * (it.low + it.high))
-    said = [f"{it.faces:,} triangles, {it.vertices:,} vertices, {size} {unit} around ({middle})"]
+    said = [f"{it.faces:,} triangles, {it.vertices:,} vertices, {size} m around ({middle})"]
     if it.closed == it.pieces:
         said.append("closed" if it.pieces == 1 else f"{it.pieces:,} closed pieces")
     else:
@@ -109,9 +106,9 @@ def described(mesh: Shaded, unit: str = "m") -> str:
     return ", ".join(said)
 
 
-def faults(mesh: Shaded, *, mirror: bool) -> list[str]:
+def faults(it: Facts, *, mirror: bool) -> list[str]:
     """What is wrong with a surface, a sentence each; of a `mirror` more is asked, as it shows nothing but its normals."""
-    it, said = facts(mesh), []
+    said = []
     if it.degenerate:
         said.append(f"{it.degenerate:,} of {it.faces:,} triangles have no area")
     if it.one_sided:

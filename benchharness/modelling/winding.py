@@ -152,6 +152,13 @@ def crossed(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return np.cross(b - a, c - a)
 
 
+def volumes(mesh: Triangles) -> np.ndarray:
+    """Signed volumes of the tetrahedra between faces and the middle of all vertices, [F]: over a closed surface they add
+    up to what it encloses, positive where it faces outwards."""
+    corners = mesh.vertices[mesh.faces] - mesh.vertices.mean(axis=0)
+    return np.einsum("fi,fi->f", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
+
+
 def turned(faces: np.ndarray, sign: np.ndarray) -> np.ndarray:
     """The faces [F, 3], those with sign -1 wound the other way."""
     return np.where((sign < 0)[:, None], faces[:, ::-1], faces)

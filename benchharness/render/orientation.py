@@ -128,9 +128,7 @@ def _by_piece(found: winding.Pieces, turn: np.ndarray) -> np.ndarray:
 
 def _volumes(mesh: Mesh, found: winding.Pieces) -> np.ndarray:
     """Signed volumes of the pieces, float64 [P], of meaning for those that are closed; positive where they face outwards."""
-    corners = mesh.vertices[mesh.faces] - mesh.vertices.mean(axis=0)
-    each = np.einsum("fi,fi->f", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
-    return np.bincount(found.piece, each * found.sign, len(found.closed))
+    return np.bincount(found.piece, winding.volumes(mesh) * found.sign, len(found.closed))
 
 
 def _boxes(mesh: Mesh, found: winding.Pieces) -> tuple[np.ndarray, np.ndarray]:

@@ -25,9 +25,9 @@ def test_a_box_is_closed_has_its_volume_and_creases_at_its_eight_corners():
     assert it.volume == pytest.approx(6.0, rel=1e-12)
     assert (it.seams, it.creases) == (8, 8)
     assert np.allclose(it.high - it.low, (1, 2, 3))
-    said = surfacefacts.described(box())
+    said = surfacefacts.described(surfacefacts.facts(box()))
     assert "12 triangles, 36 vertices, 1 x 2 x 3 m" in said and "closed, fronts outwards" in said
-    assert surfacefacts.faults(box(), mirror=True) == []
+    assert surfacefacts.faults(surfacefacts.facts(box()), mirror=True) == []
 
 
 def test_what_is_wound_inwards_with_normals_outwards_is_said():
@@ -35,8 +35,8 @@ def test_what_is_wound_inwards_with_normals_outwards_is_said():
     inside = replace(mesh, faces=mesh.faces[:, ::-1])
     it = surfacefacts.facts(inside)
     assert it.volume == pytest.approx(-6.0) and it.away == 36
-    assert "fronts inwards" in surfacefacts.described(inside)
-    assert any("36 of 36 normals" in text for text in surfacefacts.faults(inside, mirror=False))
+    assert "fronts inwards" in surfacefacts.described(surfacefacts.facts(inside))
+    assert any("36 of 36 normals" in text for text in surfacefacts.faults(surfacefacts.facts(inside), mirror=False))
 
 
 def test_an_open_sheet_triangles_without_area_and_unused_vertices():
@@ -45,8 +45,8 @@ def test_an_open_sheet_triangles_without_area_and_unused_vertices():
     it = surfacefacts.facts(mesh)
     assert (it.degenerate, it.closed, it.volume) == (1, 0, 0.0)
     assert it.high.max() == 1.0  # the vertex that no face has is nothing of the surface
-    assert "open" in surfacefacts.described(mesh)
-    assert surfacefacts.faults(mesh, mirror=False) == ["1 of 3 triangles have no area"]
+    assert "open" in surfacefacts.described(surfacefacts.facts(mesh))
+    assert surfacefacts.faults(surfacefacts.facts(mesh), mirror=False) == ["1 of 3 triangles have no area"]
 
 
 @pytest.mark.parametrize(("scale", "place"), [(1e-4, 0.0), (1.0, 0.0), (1e4, 1e6)])
@@ -63,8 +63,12 @@ def test_a_mirror_of_few_triangles_is_said_to_be_coarse_and_a_fine_one_is_not():
         return Mesh(shape.vertices, shape.faces, shape.vertices)
 
     assert surfacefacts.facts(ball(0)).turn_deg == pytest.approx(63.43, abs=0.01)  # of an icosahedron's edge, from its middle
-    assert any("63 degrees" in text for text in surfacefacts.faults(ball(0), mirror=True))
-    assert surfacefacts.faults(ball(0), mirror=False) == surfacefacts.faults(ball(2), mirror=True) == []
+    assert any("63 degrees" in text for text in surfacefacts.faults(surfacefacts.facts(ball(0)), mirror=True))
+    assert (
+        surfacefacts.faults(surfacefacts.facts(ball(0)), mirror=False)
+        == surfacefacts.faults(surfacefacts.facts(ball(2)), mirror=True)
+        == []
+    )
 
 
 def test_a_smooth_sphere_that_a_seam_splits_has_no_crease():
