@@ -97,7 +97,7 @@ class NearFar(Method):
     resolution: Annotated[int, Field(ge=4, le=4096)] = 256
     overlap: Annotated[float, Field(ge=0, le=1)] = 0.75
     warm: bool = True
-    split_px: Annotated[float, Field(ge=0, le=1e3)] = 0.5
+    split_px: Annotated[float, Field(ge=0, le=1e3)] = scenery.SPLIT_PX
 
     knobs: ClassVar[tuple[Knob, ...]] = (
         Knob("split", (1.0, 2.0, 4.0, 8.0, 16.0)),
