@@ -53,11 +53,12 @@ class Knob:
 class Method(ABC):
     """Base of all methods. Subclasses are `@dataclass(frozen=True)`.
 
-    paper   whose idea it is
+    paper   whose idea it is; `family` is of what kind, by which charts group methods
     knobs   parameters that say how much model it takes
     limits  entry of the catalogue of failures, as in `Regime.entry` -> why the method may fail there and cannot know
     """
 
+    family: ClassVar[str] = ""
     paper: ClassVar[str]
     knobs: ClassVar[tuple[Knob, ...]] = ()
     limits: ClassVar[dict[str, str]] = {}
@@ -71,8 +72,7 @@ class Method(ABC):
         """Once per scene: the state that the other two start from. Timed as `prepare_ms`."""
 
     def update(self, state: Any, frame: Frame) -> Any:
-        """Once at the start and whenever a part moved: what does not depend on the eye; other cameras may follow. Timed as
-        `update_ms`."""
+        """At the start and when a part moved: what does not depend on the eye; other cameras may follow. `update_ms`."""
         return state
 
     @abstractmethod

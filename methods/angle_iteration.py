@@ -94,6 +94,7 @@ class AngleIteration(Method):
         Knob("split_px", (16.0, 4.0, 2.0, 1.0, 0.5, 0.25)),
         Knob("max_iter", (4, 8, 16, 60), {"split_px": 1.0}),
     )
+    family: ClassVar[str] = "moved vertices"
     paper: ClassVar[str] = "Estalella et al. 2005, reconstructed"
     limits: ClassVar[dict[str, str]] = {
         "F-15": "where two triangles' edges end in a third's, less than two pixels of bend open a crack between their images",

@@ -60,6 +60,7 @@ class BillboardImpostor(Method):
         Knob("planes", (32, 128, 512)),
         Knob("environment", (16, 64, 256)),
     )
+    family: ClassVar[str] = "impostors"
     paper: ClassVar[str] = "Popescu et al. 2006 (billboards)"
     limits: ClassVar[dict[str, str]] = {
         "I-04": "what goes around the mirror at a distance is in its environment map, where the rays that should meet it pass",

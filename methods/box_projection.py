@@ -49,6 +49,7 @@ class BoxProjection(Method):
     box: tuple[float, float, float, float, float, float, float] | None = None
 
     knobs: ClassVar[tuple[Knob, ...]] = (Knob("resolution", (16, 32, 64, 128, 256, 512)),)
+    family: ClassVar[str] = "maps and proxies"
     paper: ClassVar[str] = "Lagarde and Zanuttini 2012"
     limits: ClassVar[dict[str, str]] = parallax.LIMITS
 

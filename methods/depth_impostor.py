@@ -87,6 +87,7 @@ class DepthImpostor(Method):
         Knob("points", (4, 8, 16, 32)),
         Knob("maps", (1, 2, 4), {"split_jump": 0.05}),
     )
+    family: ClassVar[str] = "impostors"
     paper: ClassVar[str] = "Popescu et al. 2006 (depth maps)"
     limits: ClassVar[dict[str, str]] = {
         "I-04": "what goes around the mirror at a distance is in its environment map, where the rays that should meet it pass",

@@ -70,6 +70,7 @@ class DistanceImpostor(Method):
         Knob("iterations", (0, 1, 2, 4, 8), {"search": "iterate"}),
         Knob("steps", (4, 16, 64, 256), {"search": "march"}),
     )
+    family: ClassVar[str] = "maps and proxies"
     paper: ClassVar[str] = "Szirmay-Kalos et al. 2005; Umenhoffer, Patow, Szirmay-Kalos 2007"
     limits: ClassVar[dict[str, str]] = {
         "F-01": "at grazing incidence images are a few pixels wide, and one of them is the outline that the centre sees",

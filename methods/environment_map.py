@@ -51,6 +51,7 @@ class EnvironmentMap(Method):
     mip: bool = True
 
     knobs: ClassVar[tuple[Knob, ...]] = (Knob("resolution", (16, 32, 64, 128, 256, 512)),)
+    family: ClassVar[str] = "maps and proxies"
     paper: ClassVar[str] = "Blinn and Newell 1976; Greene 1986"
     limits: ClassVar[dict[str, str]] = {
         "F-01": "at grazing incidence something small slips through between the four points of the ray that are looked up",

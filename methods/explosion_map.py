@@ -105,6 +105,7 @@ class ExplosionMap(Method):
     split_px: Annotated[float, Field(ge=0, le=1e3)] = 0.0
 
     knobs: ClassVar[tuple[Knob, ...]] = (Knob("resolution", (64, 128, 256, 512, 1024), split=True),)
+    family: ClassVar[str] = "moved vertices"
     paper: ClassVar[str] = "Ofek and Rappoport 1998"
     limits: ClassVar[dict[str, str]] = {
         "F-15": "where two triangles' edges end in a third's, less than two pixels of bend open a crack between their images",

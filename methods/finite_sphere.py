@@ -49,6 +49,7 @@ class FiniteSphere(Method):
     radius: Annotated[float, Field(gt=0, le=1e9)] | None = None
 
     knobs: ClassVar[tuple[Knob, ...]] = (Knob("resolution", (16, 32, 64, 128, 256, 512)),)
+    family: ClassVar[str] = "maps and proxies"
     paper: ClassVar[str] = "Bjorke 2004"
     limits: ClassVar[dict[str, str]] = parallax.LIMITS
 

@@ -159,6 +159,7 @@ class ImageSpaceSearch(Method):
         Knob("split_px", (64.0, 16.0, 4.0, 1.0), {"resolve": "ray"}),
         Knob("multi", (1, 2, 4), split=True),
     )
+    family: ClassVar[str] = "moved vertices"
     paper: ClassVar[str] = "Estalella et al. 2006"
     limits: ClassVar[dict[str, str]] = {
         "F-15": "where two triangles' edges end in a third's, less than two pixels of bend open a crack between their images",

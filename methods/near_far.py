@@ -103,6 +103,7 @@ class NearFar(Method):
         Knob("split", (1.0, 2.0, 4.0, 8.0, 16.0)),
         Knob("parallax_px", (16.0, 8.0, 4.0, 2.0, 1.0, 0.5)),
     )
+    family: ClassVar[str] = "moved vertices"
     paper: ClassVar[str] = "Roger and Holzschuch 2006"
     limits: ClassVar[dict[str, str]] = {
         **parallax.LIMITS,

@@ -89,6 +89,7 @@ class Newton(Method):
         Knob("lod_px", (16.0, 4.0, 1.0, 0.0), {"resolve": "ray", "split_px": 1.0}),
         Knob("multi", (1, 2, 4), split=True),
     )
+    family: ClassVar[str] = "moved vertices"
     paper: ClassVar[str] = "Jakob and Marschner 2012"
     limits: ClassVar[dict[str, str]] = {
         "F-15": "where two triangles' edges end in a third's, less than two pixels of bend open a crack between their images",

@@ -92,6 +92,7 @@ class PlanarMirror(Method):
     cull: bool = True
 
     knobs: ClassVar[tuple[Knob, ...]] = (Knob("depth", (1, 2, 3, 4), reference={"max_depth": 5}),)
+    family: ClassVar[str] = "mirrored camera"
     paper: ClassVar[str] = "Kilgard 1999; Lengyel 2005"
 
     def refuses(self, scene: Scene) -> str | None:

@@ -43,6 +43,7 @@ class ProbeBlend(Method):
     mip: bool = True
 
     knobs: ClassVar[tuple[Knob, ...]] = (Knob("resolution", (16, 32, 64, 128, 256)), Knob("probes", (1, 2, 3, 4)))
+    family: ClassVar[str] = "maps and proxies"
     paper: ClassVar[str] = "Lagarde and Zanuttini 2012"
     limits: ClassVar[dict[str, str]] = parallax.LIMITS
 

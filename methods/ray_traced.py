@@ -74,6 +74,7 @@ class RayTraced(Method):
     hierarchies: hierarchy.Way = hierarchy.BODIES
 
     knobs: ClassVar[tuple[Knob, ...]] = (Knob("bounces", (1, 2, 3, 4), reference={"max_depth": 5}),)
+    family: ClassVar[str] = "traced rays"
     paper: ClassVar[str] = "Embree (Wald et al. 2014)"
 
     def prepare(self, scene: Scene) -> State:

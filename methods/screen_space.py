@@ -95,6 +95,7 @@ class ScreenSpace(Method):
         Knob("max_steps", (16, 64, 256, 1024)),
         Knob("resolution", (16, 64, 256)),
     )
+    family: ClassVar[str] = "screen space"
     paper: ClassVar[str] = "McGuire and Mara 2014; Uludag 2014"
     limits: ClassVar[dict[str, str]] = {
         "F-11, F-23, F-25": "rays that meet the mirror again elsewhere than in a hollow of one radius are not traced",

@@ -157,6 +157,7 @@ class SecantTriangle(Method):
         Knob("split_px", (64.0, 16.0, 4.0, 1.0), {"resolve": "ray"}),
         Knob("resolution", (16, 64, 256), {"split_px": 1.0}),
     )
+    family: ClassVar[str] = "moved vertices"
     paper: ClassVar[str] = "Roger and Holzschuch 2006"
     limits: ClassVar[dict[str, str]] = {
         "F-15": "where two triangles' edges end in a third's, less than two pixels of bend open a crack between their images",

@@ -102,6 +102,7 @@ class SpecularPolynomial(Method):
         Knob("multi", (1, 2, 4), split=True),
         Knob("split_px", (16.0, 4.0, 2.0, 1.0, 0.5, 0.25)),
     )
+    family: ClassVar[str] = "moved vertices"
     paper: ClassVar[str] = "Fan et al. 2024"
     limits: ClassVar[dict[str, str]] = {
         "F-15": "where two triangles' edges end in a third's, less than two pixels of bend open a crack between their images",

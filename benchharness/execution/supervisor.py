@@ -178,7 +178,7 @@ class _Execution:
         for entry in self.job.entries:
             row = dict(self.out.get(entry.key) or dead.get(entry.key) or measured[entry.key])
             row.pop("entry", None)
-            about = {"frame": frame, "method_hash": self.setting.hashes[entry.key], **_about(entry)}
+            about = {"frame": frame, "family": entry.family, "method_hash": self.setting.hashes[entry.key], **_about(entry)}
             rows.append({**self.setting.columns, **self.job.facts, **about, **row})
         place = {"scene": self.job.facts["scene"], "detail": self.job.facts["detail"], "frame": frame}
         raw = []

@@ -16,10 +16,11 @@ import matplotlib as mpl
 from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from benchharness.report.frontier import ON, UNDECIDED
-from benchharness.report.points import BUDGETS_MS, Look, Point, SceneView, along_frames, by_method, curves
+from benchharness.report.points import BUDGETS_MS, Look, Point, SceneView, along_frames, by_family, by_method, curves
 
 PARTS = (("gbuffer_ms", "G-buffer", "#B8C4CE"), ("update_ms", "update", "#E69F00"), ("shade_ms", "shade", "#0072B2"))
 """Parts of a frame: column, name, colour. What is left of frame_ms is compositing."""
@@ -66,7 +67,7 @@ def frontier_chart(view: SceneView, looks: Mapping[str, Look]) -> Figure:
         axes.set(xlabel=TIME_AXIS, ylabel=ERROR_AXIS)
         axes.set_title(f"{view.title}: speed against accuracy")
         _frontier(axes, view, looks, *limits(view))
-        _explain(figure, [view])
+        _explain(figure, [view], looks)
     return figure
 
 
@@ -89,7 +90,7 @@ def overview(views: Sequence[SceneView], looks: Mapping[str, Look]) -> Figure:
         figure.supylabel(ERROR_AXIS, fontsize=10)
         for axes in grid[-1]:
             axes.set_xlabel(TIME_AXIS)
-        _explain(figure, views)
+        _explain(figure, views, looks)
     return figure
 
 
@@ -106,10 +107,23 @@ def _frontier(axes: Axes, view: SceneView, looks: Mapping[str, Look], x: Span, y
         _method(axes, view, points, looks[method], {id(p): places[id(p)].verdict for p in points})
 
 
-def _explain(figure: Figure, views: Sequence[SceneView]) -> None:
-    """The legend of all methods, and what the marks mean."""
+def _explain(figure: Figure, views: Sequence[SceneView], looks: Mapping[str, Look]) -> None:
+    """The legend of all methods, by family, and what the marks mean."""
     handles = {name: handle for axes in figure.axes for handle, name in zip(*axes.get_legend_handles_labels(), strict=True)}
-    figure.legend(handles.values(), handles.keys(), loc="outside right upper", title="method", alignment="left")
+    families = by_family([name for name in handles if name in looks], looks)
+    lines, names = [], []
+    for family, methods in families.items():
+        if family:
+            lines.append(Line2D([], [], ls=""))
+            names.append(family)
+        lines += [handles[method] for method in methods]
+        names += methods
+    others = [name for name in handles if name not in looks]
+    lines, names = [*(handles[name] for name in others), *lines], [*others, *names]
+    legend = figure.legend(lines, names, loc="outside right upper", title="method", alignment="left", fontsize=8.5)
+    for text in legend.get_texts():
+        if text.get_text() in families:
+            text.set_fontweight("bold")
     note = "Filled: on the frontier. Half: undecided, intervals overlap. Hollow: dominated, or not in all frames.\n"
     note += "Bars: 95 % interval of the time; least and largest frame's error."
     if floors := [view.floor for view in views if any(p.error < view.floor for p in view.points)]:
@@ -182,6 +196,11 @@ def _method(axes: Axes, view: SceneView, points: list[Point], look: Look, verdic
             markeredgewidth=1.3,
             zorder=3,
         )
+        if point.label:
+            said = point.label.replace("; ", "\n")
+            axes.annotate(
+                said, (point.time, y), (5, 4), textcoords="offset points", fontsize=6, color=look.colour, clip_on=True
+            )
     axes.plot([], [], color=look.colour, marker=look.marker[0], ls=look.dash[0], ms=6.5, label=points[0].method)
 
 

@@ -20,9 +20,11 @@ WIDTH, SMALL = 720, 360
 
 @dataclass(frozen=True)
 class Shot:
-    """A picture and its error map as data: URLs, None where there is none; `record` is of the same frame."""
+    """A picture and its error map as data: URLs, None where there is none; `record` is of the same frame, `label`
+    as in `Point`."""
 
     record: dict
+    label: str
     image: str | None
     error: str | None
 
@@ -55,7 +57,9 @@ def frames(view: SceneView, folder: Path) -> list[FrameShots]:
         if image.is_file() or error.is_file():
             chosen = (record["method"], params) in best
             width = WIDTH if chosen else SMALL
-            shot = Shot(record, data_url(image, width), data_url(error, width, coloured=True))
+            shot = Shot(
+                record, view.labels[record["method"], params], data_url(image, width), data_url(error, width, coloured=True)
+            )
             (shots[record["frame"]].best if chosen else shots[record["frame"]].others).append(shot)
     for shot in shots.values():
         shot.best.sort(key=lambda s: np.inf if s.record["flip"] is None else s.record["flip"])

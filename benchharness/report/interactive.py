@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from html import escape
 from typing import Any
 
@@ -12,7 +12,7 @@ from plotly.subplots import make_subplots
 
 from benchharness.report.chart import ERROR_AXIS, PARTS, REST, TIME_AXIS, limits, parts
 from benchharness.report.frontier import ON, PARTIAL, UNDECIDED, Place
-from benchharness.report.points import BUDGETS_MS, Look, Point, SceneView, along_frames, by_method, curves
+from benchharness.report.points import BUDGETS_MS, Look, Point, SceneView, along_frames, by_family, by_method, curves
 
 LAYOUT: Any = {
     "template": "none",
@@ -40,10 +40,11 @@ def html(figure: go.Figure, name: str) -> str:
 
 
 def frontier_figure(view: SceneView, looks: Mapping[str, Look]) -> go.Figure:
-    """As `chart.frontier_chart`; the marker of an undecided point has a dot, of a dominated one is hollow."""
+    """As `chart.frontier_chart`; the marker of an undecided point has a dot, of a dominated one is hollow. A method is one
+    trace, so that a press on its name hides all of it."""
     (left, right), (bottom, top) = limits(view)
     figure = go.Figure(layout=LAYOUT)
-    figure.update_layout(height=520)
+    figure.update_layout(height=560, legend={"groupclick": "toggleitem", "tracegroupgap": 4})
     figure.update_xaxes(title=TIME_AXIS, range=_log10(left, right), **LOG)
     figure.update_yaxes(title=ERROR_AXIS, range=_log10(bottom, top), **LOG)
     _background(figure, view, left, bottom)
@@ -53,9 +54,10 @@ def frontier_figure(view: SceneView, looks: Mapping[str, Look]) -> go.Figure:
         look = {"color": "#C3CAD3", "width": 5, "shape": "hv"}
         figure.add_scatter(x=x, y=y, mode="lines", line=look, name="frontier", hoverinfo="skip")
     places = {id(point): place for point, place in zip(view.points, view.places, strict=True)}
-    for method, points in by_method(view.points).items():
-        for number, curve in enumerate(curves(points)):
-            _curve(figure, view, curve, looks[method], [places[id(p)] for p in curve], first=number == 0)
+    points = by_method(view.points)
+    for family, methods in by_family(list(points), looks).items():
+        for method in methods:
+            _method(figure, view, curves(points[method]), looks[method], places, family)
     return figure
 
 
@@ -78,38 +80,51 @@ def _background(figure: go.Figure, view: SceneView, left: float, bottom: float) 
         figure.add_annotation(text="reference's noise: not ranked below", **at, **text)
 
 
-def _curve(figure: go.Figure, view: SceneView, curve: list[Point], look: Look, places: list[Place], *, first: bool):
+def _method(
+    figure: go.Figure, view: SceneView, curves_: list[list[Point]], look: Look, places: Mapping[int, Place], family: str
+) -> None:
+    """The curves of a method, with a gap between them."""
+    gapped = [point for curve in curves_ for point in (*curve, None)][:-1]
+
+    def of(value: Callable[[Point], Any], gap: Any = None) -> list:
+        return [gap if point is None else value(point) for point in gapped]
+
     suffix = {ON: "", UNDECIDED: "-open-dot"}
-    y = [view.drawn(p.error) for p in curve]
     figure.add_scatter(
-        x=[p.time for p in curve],
-        y=y,
-        mode="lines+markers",
-        name=curve[0].method,
-        legendgroup=curve[0].method,
-        showlegend=first,
+        x=of(lambda p: p.time),
+        y=of(lambda p: view.drawn(p.error)),
+        mode="lines+markers+text",
+        name=curves_[0][0].method,
+        legendgroup=family or curves_[0][0].method,
+        legendgrouptitle_text=escape(family) or None,
         line={"color": look.colour, "dash": look.dash[1], "width": 1.6},
-        marker={"symbol": [look.marker[1] + suffix.get(place.verdict, "-open") for place in places], "size": 11},
+        marker={
+            "symbol": of(lambda p: look.marker[1] + suffix.get(places[id(p)].verdict, "-open"), look.marker[1]),
+            "size": 11,
+        },
+        text=of(lambda p: escape(p.label).replace("; ", "<br>"), ""),
+        textposition="top right",
+        textfont={"size": 9, "color": look.colour},
         error_x={
-            "array": [p.time_hi - p.time for p in curve],
-            "arrayminus": [p.time - p.time_lo for p in curve],
+            "array": of(lambda p: p.time_hi - p.time),
+            "arrayminus": of(lambda p: p.time - p.time_lo),
             "thickness": 1,
             "width": 2,
         },
         error_y={
-            "array": [max(view.drawn(p.spread[1]) - e, 0.0) for p, e in zip(curve, y, strict=True)],
-            "arrayminus": [max(e - view.drawn(p.spread[0]), 0.0) for p, e in zip(curve, y, strict=True)],
+            "array": of(lambda p: max(view.drawn(p.spread[1]) - view.drawn(p.error), 0.0)),
+            "arrayminus": of(lambda p: max(view.drawn(p.error) - view.drawn(p.spread[0]), 0.0)),
             "thickness": 0.8,
             "width": 0,
         },
-        text=[_hover(view, p, place) for p, place in zip(curve, places, strict=True)],
-        hovertemplate="%{text}<extra></extra>",
+        hovertext=of(lambda p: _hover(view, p, places[id(p)]), ""),
+        hovertemplate="%{hovertext}<extra></extra>",
     )
 
 
 def _hover(view: SceneView, point: Point, place: Place) -> str:
     lines = [
-        f"<b>{escape(point.method)}</b> {escape(point.params)}",
+        f"<b>{escape(point.method)}</b> {escape(point.label)}",
         f"frame {point.time:.3g} ms [{point.time_lo:.3g}, {point.time_hi:.3g}]",
         f"FLIP {point.error:.3g}, frames {point.spread[0]:.3g} to {point.spread[1]:.3g}",
         standing(view, place),

@@ -130,6 +130,7 @@ def _row(view: SceneView, row: dict, shown: Sequence[Column], styles: Mapping[st
     return {
         "method": row["method"],
         "params": row["params"] or "",
+        "label": view.labels[row["method"], row["params"] or ""],
         "colour": styles[row["method"]].colour if row["method"] in styles else "#7F7F7F",
         "place": interactive.standing(view, place) if place else reason,
         "verdict": place.verdict if place else "none",

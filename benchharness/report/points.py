@@ -29,15 +29,18 @@ MARKERS = (
     ("P", "cross"),
 )
 DASHES = (("-", "solid"), ("--", "dash"), (":", "dot"))
+SHADES = (0.0, -0.45, 0.4, -0.7)
+"""Of the members of a family: shares of the way to white, or to black."""
 
 
 @dataclass(frozen=True)
 class Look:
-    """Colour as #rrggbb; marker and dash for (matplotlib, plotly)."""
+    """Colour as #rrggbb; marker and dash for (matplotlib, plotly); what kind of method it is, "" for one that does not say."""
 
     colour: str
     marker: tuple[str, str]
     dash: tuple[str, str]
+    family: str = ""
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,7 @@ class Point:
     error   mean FLIP over frames; spread: its least and largest frame
     noise   mean FLIP that the reference's own noise causes; the error is known within it
     frames  number of frames that the error is a mean of
+    label   parameters in which it differs from other rows of its method, as `name=value; name=value`; "" where it is alone
     row     the summary row (`columns.SUMMARY`)
     """
 
@@ -60,11 +64,12 @@ class Point:
     spread: tuple[float, float]
     noise: float
     frames: int
+    label: str
     row: Mapping
 
     @property
     def name(self) -> str:
-        return f"{self.method} ({self.params})" if self.params else self.method
+        return f"{self.method} ({self.label})" if self.label else self.method
 
 
 @dataclass
@@ -75,6 +80,7 @@ class SceneView:
     points    the rows that have a time and an error; `places` in the same order. A point with fewer frames than
               others (it crashed in some) is a mean over other pictures: drawn, but not ranked
     undrawn   rows without one of them, with the reason in words
+    labels    (method, params) -> `Point.label`, of all rows
     records   the records of the scene
     """
 
@@ -85,6 +91,7 @@ class SceneView:
     points: list[Point] = field(default_factory=list)
     places: list[Place] = field(default_factory=list)
     undrawn: list[tuple[dict, str]] = field(default_factory=list)
+    labels: dict[tuple[str, str], str] = field(default_factory=dict)
 
     @property
     def title(self) -> str:
@@ -139,6 +146,7 @@ def views(records: Sequence[dict]) -> list[SceneView]:
 
 def _view(scene: str, detail: str, records: list[dict]) -> SceneView:
     view = SceneView(scene, detail, records, summary(records))
+    view.labels = _labels(view.rows)
     for row in view.rows:
         if row["frames_ok"] == 0:
             view.undrawn.append((row, row["status"] + (f": {row['reason']}" if row["reason"] else "")))
@@ -148,7 +156,8 @@ def _view(scene: str, detail: str, records: list[dict]) -> SceneView:
             view.undrawn.append((row, f"has no {'flip' if row['flip'] is None else 'frame_ms'}"))
         else:
             mine = [r for r in records if (r["method"], r["params"]) == (row["method"], row["params"])]
-            view.points.append(_point(row, sum(r["status"] == "ok" and r["flip"] is not None for r in mine)))
+            ok = sum(r["status"] == "ok" and r["flip"] is not None for r in mine)
+            view.points.append(_point(row, ok, view.labels[row["method"], row["params"] or ""]))
     most = max((point.frames for point in view.points), default=0)
     full = [i for i, point in enumerate(view.points) if point.frames == most]
     ranked = [view.points[i] for i in full]
@@ -164,7 +173,22 @@ def _view(scene: str, detail: str, records: list[dict]) -> SceneView:
     return view
 
 
-def _point(row: dict, frames: int) -> Point:
+def _labels(rows: Sequence[dict]) -> dict[tuple[str, str], str]:
+    """(method, params) -> the parameters in which a row differs from others of its method."""
+    methods: dict[str, list[str]] = {}
+    for row in rows:
+        methods.setdefault(row["method"], []).append(row["params"] or "")
+    out = {}
+    for method, texts in methods.items():
+        given = [{k: v for k, _, v in (part.partition("=") for part in text.split("; ")) if k} for text in texts]
+        names = dict.fromkeys(name for each in given for name in each)
+        differ = [name for name in names if len({each.get(name) for each in given}) > 1]
+        for text, each in zip(texts, given, strict=True):
+            out[method, text] = "; ".join(f"{name}={each[name]}" for name in differ if name in each)
+    return out
+
+
+def _point(row: dict, frames: int, label: str) -> Point:
     below = above = 0.0
     if None not in (row["shade_ms"], row["shade_ms_lo"], row["shade_ms_hi"]):
         below, above = row["shade_ms"] - row["shade_ms_lo"], row["shade_ms_hi"] - row["shade_ms"]
@@ -179,18 +203,32 @@ def _point(row: dict, frames: int) -> Point:
         spread=(row["flip_min"], row["flip_max"]),
         noise=row["reference_noise"] or 0.0,
         frames=frames,
+        label=label,
         row=row,
     )
 
 
 def looks(records: Sequence[dict]) -> dict[str, Look]:
-    """Method -> look, the same in every chart of a run: colours first, then with other markers and dashes."""
-    methods = sorted({record["method"] for record in records if record["method"]})
-    n = len(COLOURS)
-    return {
-        method: Look(COLOURS[i % n], MARKERS[(i + i // n) % len(MARKERS)], DASHES[i // n % len(DASHES)])
-        for i, method in enumerate(methods)
-    }
+    """Method -> look, the same in every chart of a run: a colour for each family, shades and markers within it. A method that
+    names no family has a colour of its own."""
+    kinds = {record["method"]: record.get("family") or "" for record in records if record["method"]}
+    groups: dict[str, list[str]] = {}
+    for method in sorted(kinds, key=lambda method: (kinds[method] or method, method)):
+        groups.setdefault(kinds[method] or method, []).append(method)
+    n, out = len(COLOURS), {}
+    for i, methods in enumerate(groups.values()):
+        for k, method in enumerate(methods):
+            marker = MARKERS[(i + i // n + k) % len(MARKERS)]
+            dash = DASHES[(i // n + k // len(MARKERS)) % len(DASHES)]
+            out[method] = Look(_shade(COLOURS[i % n], SHADES[k % len(SHADES)]), marker, dash, kinds[method])
+    return out
+
+
+def _shade(colour: str, amount: float) -> str:
+    """A colour, that share of the way to white, or to black if it is negative."""
+    end = 255 if amount > 0 else 0
+    parts = (int(colour[k : k + 2], 16) for k in (1, 3, 5))
+    return "#" + "".join(f"{round(part + abs(amount) * (end - part)):02X}" for part in parts)
 
 
 def curves(points: Sequence[Point]) -> list[list[Point]]:
@@ -224,6 +262,15 @@ def by_method(points: Sequence[Point]) -> dict[str, list[Point]]:
     out: dict[str, list[Point]] = {}
     for point in points:
         out.setdefault(point.method, []).append(point)
+    return out
+
+
+def by_family(methods: Sequence[str], looks: Mapping[str, Look]) -> dict[str, list[str]]:
+    """Family -> its methods, both in the order of their looks; "" for those that name none, which come last."""
+    out: dict[str, list[str]] = {}
+    order = list(looks)
+    for method in sorted(methods, key=lambda method: (looks[method].family == "", order.index(method))):
+        out.setdefault(looks[method].family, []).append(method)
     return out
 
 

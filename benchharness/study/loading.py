@@ -26,7 +26,7 @@ def reference(table: Mapping[str, Any], where: str) -> dict[str, Any]:
 
 
 def method(name: str, source: str | None, fields: Mapping[str, Any], where: str, named: str) -> dict[str, Any]:
-    """Every combination of a table's values, tried: {"points": [{"params", "changed"}], "hash"}; see `methods.Entry`.
+    """Every combination of a table's values, tried: {"points": [{"params", "changed"}], "hash", "family"}; see `methods.Entry`.
 
     Raises ValueError for what is wrong with the method or in the table, and where the method refuses its parameters.
     """
@@ -42,7 +42,7 @@ def method(name: str, source: str | None, fields: Mapping[str, Any], where: str,
         changed = [key for key, value in point.items() if value != declared[key].default]
         points.append({"params": point, "changed": changed})
     try:
-        return {"points": points, "hash": identity.of_method(cls)}
+        return {"points": points, "hash": identity.of_method(cls), "family": str(cls.family)}
     except ValueError as error:
         raise ValueError(f"{named}: {error}") from None
 

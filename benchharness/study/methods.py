@@ -27,6 +27,7 @@ class Entry:
     params       every field of the method -> value
     changed      those of them that are not the defaults
     method_hash  of its source, see `identity.of_method`
+    family       of what kind it is, "" if it does not say
     """
 
     method: str
@@ -34,6 +35,7 @@ class Entry:
     params: dict[str, Any]
     changed: list[str] = field(default_factory=list)
     method_hash: str = ""
+    family: str = ""
 
     @property
     def params_text(self) -> str:
@@ -112,4 +114,4 @@ def _entries(name: str, source: str | None, fields: Mapping[str, Any], where: st
     asked = {"name": name, "source": source, "fields": fields, "where": where, "named": named}
     said = apart.call("benchharness.study.loading:method", where, **asked)
     for point in said["points"]:
-        yield Entry(name, source, point["params"], point["changed"], said["hash"])
+        yield Entry(name, source, point["params"], point["changed"], said["hash"], said["family"])

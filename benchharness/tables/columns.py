@@ -274,6 +274,7 @@ RESULTS = (
     ),
     _pixels("dark_px", "dark", "Pixels of the mirrors in which the reference is black: no error can be seen there."),
     _pixels("back_px", "backs", "Pixels of the mirrors that show the back of an object, which has the light of its front."),
+    _text("family", "Of what kind the method is, as it says; charts group methods by it."),
 )
 """The columns of results.csv, in order: a row per scene, frame, method and parameters."""
 
