@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
+from benchharness.report import labels
 from benchharness.report.frontier import ON, UNDECIDED
 from benchharness.report.points import BUDGETS_MS, Look, Point, SceneView, along_frames, by_family, by_method, curves
 
@@ -68,6 +69,7 @@ def frontier_chart(view: SceneView, looks: Mapping[str, Look]) -> Figure:
         axes.set_title(f"{view.title}: speed against accuracy")
         _frontier(axes, view, looks, *limits(view))
         _explain(figure, [view], looks)
+        labels.write(figure, [view], looks)
     return figure
 
 
@@ -91,6 +93,7 @@ def overview(views: Sequence[SceneView], looks: Mapping[str, Look]) -> Figure:
         for axes in grid[-1]:
             axes.set_xlabel(TIME_AXIS)
         _explain(figure, views, looks)
+        labels.write(figure, views, looks)
     return figure
 
 
@@ -196,11 +199,6 @@ def _method(axes: Axes, view: SceneView, points: list[Point], look: Look, verdic
             markeredgewidth=1.3,
             zorder=3,
         )
-        if point.label:
-            said = point.label.replace("; ", "\n")
-            axes.annotate(
-                said, (point.time, y), (5, 4), textcoords="offset points", fontsize=6, color=look.colour, clip_on=True
-            )
     axes.plot([], [], color=look.colour, marker=look.marker[0], ls=look.dash[0], ms=6.5, label=points[0].method)
 
 

@@ -29,7 +29,7 @@ MARKERS = (
     ("P", "cross"),
 )
 DASHES = (("-", "solid"), ("--", "dash"), (":", "dot"))
-SHADES = (0.0, -0.45, 0.4, -0.7)
+SHADES = (0.0, -0.35, 0.4, -0.55)
 """Of the members of a family: shares of the way to white, or to black."""
 
 

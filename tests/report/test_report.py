@@ -40,6 +40,22 @@ def test_legends_have_a_heading_for_each_family_and_a_method_is_one_trace():
     assert sweep["text"][0].replace("<br>", "; ") == "rule=a; n=4"
 
 
+def test_labels_of_points_at_one_place_are_beside_one_another_or_left_out():
+    crowd = [record("m", f"n={n}; rule=x{n}", time=8.0, flip=0.1) for n in range(7)]
+    records = [
+        *crowd,
+        record("far", "k=1", time=20.0, flip=0.3),
+        record("far", "k=2", time=20.0, flip=0.01),
+        record("lone", "z=1"),
+    ]
+    figure = chart.frontier_chart(views(records)[0], looks(records))
+    figure.draw_without_rendering()
+    texts = [text for text in figure.axes[0].texts if "=" in text.get_text()]
+    assert sorted(text.get_text() for text in texts) == ["k=1", "k=2", "n=0 ...", "n=1 ...", "n=2 ...", "n=3 ..."]
+    boxes = [text.get_window_extent() for text in texts]
+    assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
+
+
 @pytest.fixture(scope="module")
 def records():
     rows = swept("search", "h_max", [0.2, 0.1, 0.05], [7.0, 12.0, 24.0], [0.05, 0.02, 0.008])
