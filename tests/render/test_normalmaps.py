@@ -16,6 +16,7 @@ from oracles.normalmap_oracle import mapped, points, unit
 from support.mapped_mirrors import ball, ripples, room, rough, sheet, smooth
 from support.mirror_room import EYE, shaded, still
 from support.textured_rooms import SQUARE
+from support.tiers import exhaustive
 
 from benchharness.kernels import mitsuba_mesh
 from benchharness.measure import metrics
@@ -64,7 +65,7 @@ def turned_round(made: Scene) -> float:
     ("mirror", "eye", "below"),
     [
         (sheet(ripples(0.3), **COPPER), EYE, (0.0, 0.02)),
-        (sheet(ripples(0.8), TURNED), (-0.3, 1.6, 0.4), (0.0, 0.3)),  # from behind
+        pytest.param(sheet(ripples(0.8), TURNED), (-0.3, 1.6, 0.4), (0.0, 0.3), marks=exhaustive),  # from behind
         (sheet(ripples(1.0), TURNED, **COPPER), GRAZING, (0.1, 0.9)),
         (ball(ripples(0.5)), EYE, (0.01, 0.5)),
     ],
