@@ -20,6 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
+from benchharness.modelling import normalmap
 from benchharness.modelling.panorama import Environment as Environment
 from benchharness.modelling.panorama import read_only
 from benchharness.modelling.subdivision import split_edges
@@ -44,7 +45,8 @@ class Mesh:
     emission   float64 [V, 3] radiance that the surface emits by itself, W/(m² sr); one colour [3] is spread
     radiance   float64 [V, 3] radiance that leaves the surface, highlights aside and without the texture, baked; None until then
     visibility float64 [V, L] in [0, 1]: how much of each of `Scene.lights` is seen, baked where highlights need it; else None
-    uv         float64 [V, 2], where in the texture a vertex is; vertices on a seam come twice. None for a mesh without
+    uv         float64 [V, 2], where in the texture, or a mirror's normal map, a vertex is; one on a seam comes twice. None for
+               a mesh without
     texture    colours what leaves the surface, a factor of the albedo that differs point by point. A mirror's is not looked at
 
     None of them can be written to: whoever wants another mesh makes one. Raises ValueError for no faces, non-finite numbers,
@@ -255,6 +257,9 @@ class Reflector:
 
     closed   a watertight mesh that contains `mesh` and coincides with it where both exist; searches run on it
     eta, k   complex index of refraction per RGB; both None for an ideal mirror (reflectance 1)
+    normal_map  turns the normals point by point, at the uv of `mesh` (`benchharness.modelling.normalmap`); None for none
+
+    Raises ValueError for a normal map without uv, or with normals that point into the surface.
     """
 
     name: str
@@ -263,6 +268,11 @@ class Reflector:
     eta: tuple[float, float, float] | None = None
     k: tuple[float, float, float] | None = None
     motion: Motion | None = None
+    normal_map: Texture | None = None
+
+    def __post_init__(self) -> None:
+        if self.normal_map is not None:
+            normalmap.check(self.normal_map, self.mesh.uv, f"reflector {self.name}")
 
     def pose(self, time: float) -> np.ndarray:
         return np.eye(4) if self.motion is None else np.asarray(self.motion(time), np.float64)

@@ -32,7 +32,7 @@ import mitsuba as mi
 from pydantic import Field
 
 from benchharness.api import Frame, Knob, Method, Reflection, Vertices
-from benchharness.kernels import placement
+from benchharness.kernels import normalmap, placement
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.vertices import (
     angles,
@@ -108,7 +108,7 @@ class AngleIteration(Method):
         scenery.check(self.resolve, self.lod_px, self.split_px, 1, "angle_iteration", self.other_mirrors)
 
     def refuses(self, scene: Scene) -> str | None:
-        return starmirror.refusal(scene.reflectors, self.resolution, outside=True)
+        return normalmap.refusal(scene.reflectors) or starmirror.refusal(scene.reflectors, self.resolution, outside=True)
 
     def prepare(self, scene: Scene) -> State:
         made = [starmirror.of_reflector(reflector, self.resolution) for reflector in scene.reflectors]

@@ -27,7 +27,7 @@ import numpy as np
 from pydantic import Field
 
 from benchharness.api import Frame, Knob, Method, Reflection, Vertices, View
-from benchharness.kernels import placement
+from benchharness.kernels import normalmap, placement
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.vertices import (
     branches,
@@ -121,7 +121,7 @@ class ExplosionMap(Method):
                 return (
                     f"reflector {reflector.name}: it is hollow somewhere; accepted: a mirror that bulges or is flat everywhere"
                 )
-        return None
+        return normalmap.refusal(scene.reflectors)
 
     def prepare(self, scene: Scene) -> State:
         mirrors, searched = [], [_mesh(reflector) for reflector in scene.reflectors]

@@ -41,7 +41,7 @@ import mitsuba as mi
 from pydantic import Field
 
 from benchharness.api import Frame, Knob, Method, Reflection, Vertices
-from benchharness.kernels import optics, placement
+from benchharness.kernels import normalmap, optics, placement
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.vertices import (
     branches,
@@ -173,6 +173,9 @@ class ImageSpaceSearch(Method):
         scenery.check(self.resolve, self.lod_px, self.split_px, self.multi, "image_space_search", self.other_mirrors)
         if self.multi > 1 and self.hidden != "cut":
             raise ValueError(f'image_space_search: multi {self.multi} with hidden "{self.hidden}"; accepted: "cut"')
+
+    def refuses(self, scene: Scene) -> str | None:
+        return normalmap.refusal(scene.reflectors)
 
     def prepare(self, scene: Scene) -> State:
         mirrors = [_mirror(reflector, self.multi) for reflector in scene.reflectors]

@@ -34,7 +34,7 @@ import numpy as np
 from pydantic import Field
 
 from benchharness.api import Frame, Knob, Method, Reflection, View
-from benchharness.kernels import differentials, passage, selfmet, surroundings
+from benchharness.kernels import differentials, normalmap, passage, selfmet, surroundings
 from benchharness.kernels.differentials import FirstHits
 from benchharness.kernels.eye import eye_of
 from benchharness.kernels.frozen import frozen
@@ -118,6 +118,9 @@ class NearFar(Method):
     def __post_init__(self) -> None:
         if self.resolution & (self.resolution - 1):
             raise ValueError(f"near_far: resolution is {self.resolution}; accepted: a power of two, such as 256")
+
+    def refuses(self, scene: Scene) -> str | None:
+        return normalmap.refusal(scene.reflectors)
 
     def prepare(self, scene: Scene) -> State:
         mirrors, searched = walks.mirrors_of(scene.reflectors)

@@ -23,6 +23,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from benchharness.api import Frame, Knob, Method, Reflection
+from benchharness.kernels import normalmap
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.vertices import (
     branches,
@@ -99,6 +100,9 @@ class Newton(Method):
         "F-21": "at a focus half vector and normal agree all over the mirror, and one root cannot be told from the next",
         "F-25, F-26": "on bumps, where two roots are about to meet, rounding moves the point that is found by pixels",
     }
+
+    def refuses(self, scene: Scene) -> str | None:
+        return normalmap.refusal(scene.reflectors)
 
     def prepare(self, scene: Scene) -> State:
         mirrors, searched = walks.mirrors_of(scene.reflectors)

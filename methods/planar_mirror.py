@@ -29,7 +29,7 @@ import numpy as np
 from pydantic import Field
 
 from benchharness.api import Frame, Knob, Method, Reflection, View
-from benchharness.kernels import geometry, optics, packets, passage, planes, raster, shown, surroundings
+from benchharness.kernels import geometry, normalmap, optics, packets, passage, planes, raster, shown, surroundings
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.pixels import WRONG_PX
 from benchharness.scene import Scene
@@ -106,7 +106,7 @@ class PlanarMirror(Method):
                     f"up to {np.degrees(fit.turn):.3g} degrees; accepted: up to {planes.FLAT:g} of the extent, "
                     f"{planes.FLAT * metres:.3g} m here, and {np.degrees(planes.FLAT):.2g} degrees"
                 )
-        return None
+        return normalmap.refusal(scene.reflectors)
 
     def prepare(self, scene: Scene) -> State:
         if (reason := self.refuses(scene)) is not None:

@@ -3,7 +3,8 @@
 Every reflector pixel sends one ray along its mirror direction, from the rasterized hit and about the interpolated normal,
 into a bounding volume hierarchy over the scene, and shows the baked radiance of what it hits, or the surroundings. Other
 mirrors, and the mirror itself, are hit and black: one bounce. With more `bounces` the ray goes on from there, about that
-mirror's interpolated normal and dimmed by its reflectance; the last mirror is black. `distance` is the first ray's.
+mirror's interpolated normal, turned by its normal map if it has one, and dimmed by its reflectance; the last mirror is black.
+`distance` is the first ray's.
 
 Doubted: rays that end at a mirror, which goes on reflecting.
 
@@ -21,7 +22,18 @@ import mitsuba as mi
 from pydantic import Field
 
 from benchharness.api import Frame, Knob, Method, Reflection, View
-from benchharness.kernels import geometry, hierarchy, optics, passage, pixels, raster, surroundings
+from benchharness.kernels import (
+    geometry,
+    hierarchy,
+    lighting,
+    normalmap,
+    optics,
+    painting,
+    passage,
+    pixels,
+    raster,
+    surroundings,
+)
 from benchharness.kernels.frozen import frozen
 from benchharness.scene import Scene
 
@@ -34,10 +46,12 @@ class Mirrors:
 
     normals  4 floats per vertex, object space; of no meaning for objects
     metals   as `optics.metals_of` has them
+    normal_maps  None for a scene without
     """
 
     normals: mi.Float
     metals: mi.Float
+    normal_maps: painting.Paint | None
 
 
 @dataclass
@@ -45,7 +59,7 @@ class State:
     """What rays meet and what that sends.
 
     triangles  object space
-    world      the same in world space where highlights need it, else `triangles`
+    world      the same in world space where highlights or normal maps need it, else `triangles`
     mirrors    for more than one bounce; else None
     objects    number of the first part that is a mirror
     enclosed   what `Scene.enclosed` says
@@ -80,14 +94,17 @@ class RayTraced(Method):
     def prepare(self, scene: Scene) -> State:
         triangles = geometry.of_scene(scene)
         trees = hierarchy.of_scene(scene, triangles, 0.0, self.hierarchies, robust=self.robust)
-        mirrors = Mirrors(geometry.of_scene_seen(scene).attributes, optics.metals_of(scene)) if self.bounces > 1 else None
+        mirrors = None
+        if self.bounces > 1:
+            seen = geometry.of_scene_seen(scene)
+            mirrors = Mirrors(seen.attributes, optics.metals_of(scene), seen.normal_maps)
         objects = dr.opaque(mi.UInt32, len(scene.objects))
-        world = _placed(triangles, trees.poses)
+        world = _placed(triangles, mirrors, trees.poses)
         return State(trees, triangles, world, surroundings.of_scene(scene), mirrors, objects, scene.enclosed)
 
     def update(self, state: State, frame: Frame) -> State:
         trees = hierarchy.moved(state.hierarchies, frame.poses)
-        return replace(state, hierarchies=trees, world=_placed(state.triangles, frame.poses))
+        return replace(state, hierarchies=trees, world=_placed(state.triangles, state.mirrors, frame.poses))
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         lane = frame.pixels
@@ -143,6 +160,9 @@ def _further(
         p, v = ray(hit.t), -ray.d
         n = raster.interpolate(mirrors.normals, hit.face, hit.weights, active).xyz
         n = dr.normalize(geometry.turned_of(n, state.hierarchies.poses, part, active))
+        if mirrors.normal_maps is not None:
+            spot = lighting.Spot(state.world.points, hit.face, part, hit.weights)
+            n = normalmap.turned(mirrors.normal_maps, spot, n, v, active)
         n = dr.select(dr.dot(n, v) < 0, -n, n)
         through *= optics.reflectance(mirrors.metals, part - state.objects, dr.clip(dr.dot(n, v), 0, 1), active)
         ray = _from(p, n, optics.reflect(v, n))
@@ -169,6 +189,7 @@ def _at_mirror(state: State, hit: hierarchy.Meeting) -> mi.Bool:
     return hit.found & (geometry.part_of(hit.face) >= state.objects)
 
 
-def _placed(triangles: geometry.Geometry, poses: mi.Float) -> geometry.Geometry:
+def _placed(triangles: geometry.Geometry, mirrors: Mirrors | None, poses: mi.Float) -> geometry.Geometry:
     """In world space where anything but the hierarchies needs it."""
-    return triangles if triangles.shine is None else geometry.placed(triangles, poses)
+    mapped = mirrors is not None and mirrors.normal_maps is not None
+    return triangles if triangles.shine is None and not mapped else geometry.placed(triangles, poses)

@@ -45,7 +45,7 @@ import numpy as np
 from pydantic import Field
 
 from benchharness.api import Frame, Knob, Method, Reflection, Vertices, View
-from benchharness.kernels import optics, placement
+from benchharness.kernels import normalmap, optics, placement
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.vertices import (
     branches,
@@ -178,7 +178,7 @@ class SecantTriangle(Method):
             )
 
     def refuses(self, scene: Scene) -> str | None:
-        return starmirror.refusal(scene.reflectors, self.resolution)
+        return normalmap.refusal(scene.reflectors) or starmirror.refusal(scene.reflectors, self.resolution)
 
     def prepare(self, scene: Scene) -> State:
         mirrors, searched = [], []

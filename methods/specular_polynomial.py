@@ -31,7 +31,7 @@ import mitsuba as mi
 from pydantic import Field
 
 from benchharness.api import Frame, Knob, Method, Reflection, Vertices
-from benchharness.kernels import placement
+from benchharness.kernels import normalmap, placement
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.vertices import (
     branches,
@@ -112,6 +112,9 @@ class SpecularPolynomial(Method):
 
     def __post_init__(self) -> None:
         scenery.check(self.resolve, self.lod_px, None, self.multi, "specular_polynomial")
+
+    def refuses(self, scene: Scene) -> str | None:
+        return normalmap.refusal(scene.reflectors)
 
     def prepare(self, scene: Scene) -> State:
         meshes, mirrors = zip(*map(walks.mesh_of, scene.reflectors), strict=True)

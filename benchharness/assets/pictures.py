@@ -23,6 +23,12 @@ def decoded(source: Path | bytes) -> np.ndarray:
         return _LINEAR[np.asarray(picture.convert("RGB"))]
 
 
+def numbers(source: Path) -> np.ndarray:
+    """The numbers of a picture's file as they are, 0 to 1, float32 [H, W, 3]. Raises whatever Pillow does."""
+    with Image.open(source) as picture:
+        return np.asarray(picture.convert("RGB"), np.float32) / 255
+
+
 def named(folder: Path, name: str, what: str, findings: Findings) -> np.ndarray | None:
     """The picture that a file of `folder` means by `name`; None, and a word on `what`, if it is missing or cannot be read."""
     found = files.found(folder, name)

@@ -6,6 +6,7 @@
     faces       4 integers per triangle: three vertices, number of the part (and raster.CLOSED, see `part_of`)
     shine       what highlights need beside (`kernels.lighting`), None for a scene without: then nothing of it is compiled
     paint       what textures need beside (`kernels.painting`), likewise; radiance is without them
+    normal_maps  of mirrors (`kernels.normalmap`), likewise; normals are without them. `of_scene` has none
 
 One vertex or one triangle is one packet load of 16 bytes. `upload` and `of_scene` give object space, `placed` world space.
 """
@@ -21,7 +22,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from benchharness.kernels import lighting, packets, painting, raster
+from benchharness.kernels import lighting, normalmap, packets, painting, raster
 from benchharness.kernels.types import SceneLike
 
 
@@ -36,6 +37,7 @@ class Geometry:
     face_count: int
     shine: lighting.Shine | None = None
     paint: painting.Paint | None = None
+    normal_maps: painting.Paint | None = None
 
 
 def of_scene(scene: SceneLike) -> Geometry:
@@ -46,10 +48,12 @@ def of_scene(scene: SceneLike) -> Geometry:
 
 
 def of_scene_seen(scene: SceneLike) -> Geometry:
-    """All parts of a scene that was baked, as the eye sees them: objects with their light, mirrors with their normals."""
+    """All parts of a scene that was baked, as the eye sees them: objects with their light, mirrors with their normals and their
+    normal maps."""
     lit = [(o.mesh.vertices, np.asarray(o.mesh.radiance), o.mesh.faces) for o in scene.objects]
     mirrors = [(r.mesh.vertices, np.asarray(r.mesh.normals), r.mesh.faces) for r in scene.reflectors]
-    return upload(lit + mirrors, lighting.shine_of(scene), painting.paint_of(scene))
+    seen = upload(lit + mirrors, lighting.shine_of(scene), painting.paint_of(scene))
+    return replace(seen, normal_maps=normalmap.maps_of(scene))
 
 
 def upload(

@@ -14,17 +14,28 @@ import mitsuba as mi
 import numpy as np
 
 
-def mesh(name: str, vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray | None = None, **parts: Any) -> mi.Mesh:
-    """A mesh of vertices [V, 3] and faces [F, 3]; flat without normals [V, 3]. `parts`: its BSDF, emitter and flags."""
+def mesh(
+    name: str,
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    normals: np.ndarray | None = None,
+    uv: np.ndarray | None = None,
+    **parts: Any,
+) -> mi.Mesh:
+    """A mesh of vertices [V, 3] and faces [F, 3]; flat without normals [V, 3]; texture coordinates [V, 2] where they matter.
+    `parts`: its BSDF, emitter and flags."""
     properties = mi.Properties()
     for key, value in parts.items():
         properties[key] = value
-    made = mi.Mesh(name, len(vertices), len(faces), props=properties, has_vertex_normals=normals is not None)
+    has = {"has_vertex_normals": normals is not None, "has_vertex_texcoords": uv is not None}
+    made = mi.Mesh(name, len(vertices), len(faces), props=properties, **has)
     buffers = mi.traverse(made)
     buffers["vertex_positions"] = mi.Float(np.asarray(vertices, np.float32).ravel())
     buffers["faces"] = mi.UInt32(np.asarray(faces, np.uint32).ravel())
     if normals is not None:
         buffers["vertex_normals"] = mi.Float(np.asarray(normals, np.float32).ravel())
+    if uv is not None:
+        buffers["vertex_texcoords"] = mi.Float(np.asarray(uv, np.float32).ravel())
     buffers.update()
     return made
 

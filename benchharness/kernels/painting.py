@@ -2,12 +2,13 @@
 
 What a texture is and where in it a point lies, `benchharness.modelling.texture` says: u to the right, v up, bilinear between
 pixels' centres, no other filter. All pictures of a scene are one buffer, a packet of 4 floats per pixel; each part has a window
-into it.
+into it. Normal maps of mirrors (`kernels.normalmap`) are kept and looked up likewise.
 """
 
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +17,7 @@ import mitsuba as mi
 import numpy as np
 
 from benchharness.kernels import packets, raster
-from benchharness.kernels.types import SceneLike
+from benchharness.kernels.types import MeshLike, SceneLike
 
 REPEAT, MIRROR, CLAMP = range(3)
 WRAPS = {"repeat": REPEAT, "mirror": MIRROR, "clamp": CLAMP}
@@ -41,25 +42,29 @@ class Paint:
 
 def paint_of(scene: SceneLike) -> Paint | None:
     """What the textures of a scene's objects need; None where there are none."""
-    textures = tuple(dict.fromkeys(o.mesh.texture for o in scene.objects if o.mesh.texture is not None))
+    return of_parts([*((o.mesh, o.mesh.texture) for o in scene.objects), *((r.mesh, None) for r in scene.reflectors)])
+
+
+def of_parts(parts: Sequence[tuple[MeshLike, Any]]) -> Paint | None:
+    """The same of the meshes of all parts of a scene, each with a picture at its uv, or None."""
+    textures = tuple(dict.fromkeys(texture for _, texture in parts if texture is not None))
     if not textures:
         return None
     areas = [texture.pixels.shape[0] * texture.pixels.shape[1] for texture in textures]
     firsts = dict(zip(textures, np.cumsum([0, *areas]), strict=False))
-    uv = [np.zeros((len(part.mesh.vertices), 4), np.float32) for part in scene.parts]
-    windows = np.zeros((len(scene.parts), 4), np.uint32)
-    for i, thing in enumerate(scene.objects):
-        texture = thing.mesh.texture
+    uv = [np.zeros((len(mesh.vertices), 4), np.float32) for mesh, _ in parts]
+    windows = np.zeros((len(parts), 4), np.uint32)
+    for i, (mesh, texture) in enumerate(parts):
         if texture is not None:
             height, width, _ = texture.pixels.shape
             along_u, along_v = (WRAPS[name] for name in texture.wrap)
-            uv[i][:, :2] = thing.mesh.uv
+            uv[i][:, :2] = mesh.uv
             windows[i] = firsts[texture], width, height, along_u + 4 * along_v
     pixels = _uploaded(textures, mi.variant())
     return Paint(mi.Float(np.concatenate(uv).ravel()), mi.UInt32(windows.ravel()), pixels, sum(areas))
 
 
-@functools.lru_cache(maxsize=2)
+@functools.lru_cache(maxsize=4)
 def _uploaded(textures: tuple[Any, ...], variant: str) -> mi.Float:
     """`Paint.pixels`, once for all who ask for the same scene."""
     rows = [packets.of_rows(texture.pixels.reshape(-1, 3)) for texture in textures]

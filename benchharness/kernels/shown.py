@@ -18,6 +18,7 @@ class Shown:
     hit    a triangle covers the pixel
     part   whose that is; 0 or any other where not hit
     p      the point of it, world space; of no meaning where not hit
+    face, weights  its triangle and where on it, as in `raster.interpolate`; likewise
     value  attributes there, with the highlights that the view's eye sees; where not hit, radiance of the surroundings
     """
 
@@ -25,6 +26,8 @@ class Shown:
     part: mi.UInt32
     p: mi.Point3f
     value: mi.Color3f
+    face: mi.Vector4u
+    weights: mi.Vector3f
 
 
 def at(
@@ -46,4 +49,4 @@ def at(
         p = mi.Point3f(raster.interpolate(world.points, face, weights, hit).xyz)
     value = geometry.radiance(world, face, weights, view.eye, hit)
     far = surroundings.radiance(around, raster.ray_through(view, lane), ~hit)
-    return Shown(hit, geometry.part_of(face), p, dr.select(hit, value, far))
+    return Shown(hit, geometry.part_of(face), p, dr.select(hit, value, far), face, weights)

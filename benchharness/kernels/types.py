@@ -1,8 +1,4 @@
-"""The types of the method contract, and what kernels read of a scene.
-
-`benchharness.api` shows the first five to authors of methods and says what holds for all of them: device arrays are Mitsuba's
-types of the active variant; per-pixel arrays have one lane per pixel, row major; positions and directions are in world space.
-"""
+"""The types of the method contract, of which `benchharness.api` says what holds for all, and what kernels read of a scene."""
 
 from __future__ import annotations
 
@@ -66,10 +62,10 @@ class Frame:
     reflector    number of the reflector seen, 0 ..; -1 where none is
     active       reflector >= 0
     pixels       the lanes with `active`, ascending; its length is the number of reflector pixels
-    p, n         first hit and its interpolated unit normal, turned to the eye; defined where `active`
+    p, n         first hit and its interpolated unit normal, turned by a normal map and to the eye; defined where `active`
     v            unit direction from the hit to the eye
     radiance     directly seen radiance; 0 where `active`
-    surfaces     per reflector, as it is seen (open): for methods of others, those here search `proxies`
+    surfaces     per reflector, as it is seen (open), without normal map: for methods of others, those here search `proxies`
     proxies      per reflector, its closed stand-in, or the same as the surface
     boxes        per reflector, left, top, right, bottom: no pixel outside can show its proxy; may reach beyond the picture
     doubts       whether `Reflection.doubt` is wanted; never while time is taken
@@ -183,6 +179,8 @@ class ReflectorLike(Protocol):
     def mesh(self) -> MeshLike: ...
     @property
     def closed(self) -> MeshLike | None: ...
+    @property
+    def normal_map(self) -> Any: ...
     @property
     def eta(self) -> Sequence[float] | None: ...
     @property

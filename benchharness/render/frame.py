@@ -11,7 +11,7 @@ import mitsuba as mi
 import numpy as np
 
 from benchharness.api import Frame, Surface, View
-from benchharness.kernels import geometry, optics, raster, shown, surroundings
+from benchharness.kernels import geometry, lighting, normalmap, optics, raster, shown, surroundings
 from benchharness.kernels.frozen import frozen
 from benchharness.scene import Camera, Mesh, Reflector, Scene
 
@@ -150,6 +150,9 @@ def _first_hits(world: geometry.Geometry, visibility, around: surroundings.Surro
     reflector = dr.select(reflector >= 0, reflector, -1)
     mirror = reflector >= 0
     n = dr.normalize(mi.Vector3f(value.x, value.y, value.z))
+    if world.normal_maps is not None:
+        spot = lighting.Spot(world.points, seen.face, seen.part, seen.weights)
+        n = normalmap.turned(world.normal_maps, spot, n, dr.normalize(mi.Vector3f(view.eye - p)), mirror)
     n = dr.select(mirror, dr.select(dr.dot(n, mi.Vector3f(view.eye - p)) < 0, -n, n), 0)
     return reflector, mirror, dr.select(mirror, p, 0), mi.Normal3f(n), dr.select(mirror, 0, value)
 

@@ -17,9 +17,9 @@
              is lost, silently. So a mesh is split: faces of one emission become one emitter each, and faces over which
              emission varies become one of `sampling_weight` 0, which paths find by chance.
 
-In both, reflectors are smooth conductors with vertex normals, mirrors on both sides, so that the inside of an open one
-is not black; they use their open mesh. The surroundings are a constant environment, or a panorama, which paths sample too
-where they sample emitters. Radiance is linear RGB, as is.
+In both, reflectors are smooth conductors with vertex normals (turned by normal maps), mirrors on both sides, so that the inside
+of an open one is not black; they use their open mesh. The surroundings are a constant environment, or a panorama, which paths
+sample too where they sample emitters. Radiance is linear RGB, as is.
 """
 
 # pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false
@@ -37,7 +37,7 @@ import numpy as np
 from benchharness.cache import source_hash
 from benchharness.kernels import mitsuba_mesh
 from benchharness.modelling import winding
-from benchharness.render import mitsuba_gloss, mitsuba_texture
+from benchharness.render import mitsuba_gloss, mitsuba_normalmap, mitsuba_texture
 from benchharness.scene import Gloss, Mesh, Object, PointLight, Reflector, Scene, merged
 
 LIGHTINGS = ("baked", "transport")
@@ -62,7 +62,7 @@ def mitsuba_scene(scene: Scene, time: float, lighting: str, marks: Sequence[np.n
     for part, mark in zip(scene.parts, marks, strict=True):
         mesh = part.mesh.transformed(part.pose(time))
         if isinstance(part, Reflector):
-            shapes.append(_mesh(part.name, mesh, mark, bsdf=_conductor(part)))
+            shapes.append(_mirror(part, mesh, mark))
         elif lighting == "baked":
             if mesh.radiance is None:
                 raise ValueError(f"object {part.name} has no radiance; accepted with baked lighting: what `bake` returned")
@@ -103,6 +103,9 @@ def fingerprint(scene: Scene, time: float, lighting: str) -> list:
         content += [np.float32(mesh.vertices), mesh.faces, np.float32(mesh.normals)]  # Mitsuba's precision
         if isinstance(part, Reflector):
             content += ["reflector", part.eta, part.k]
+            if part.normal_map is not None:
+                content += ["normal map", source_hash(*mitsuba_normalmap.SOURCES)]
+                content += [part.normal_map.digest, part.normal_map.along, mesh.uv]
         else:
             content += [mesh.radiance] if lighting == "baked" else [mesh.albedo, mesh.emission]
             if mesh.texture is not None:
@@ -131,6 +134,16 @@ def _surroundings(scene: Scene) -> dict | None:
 
 def _rgb(value) -> dict:
     return {"type": "rgb", "value": [float(channel) for channel in value]}
+
+
+def _mirror(reflector: Reflector, mesh: Mesh, mark: np.ndarray) -> mi.Mesh:
+    """A reflector whose mesh is `mesh` in world space."""
+    smooth, normals = _conductor(reflector), reflector.normal_map
+    if normals is None:
+        return _mesh(reflector.name, mesh, mark, bsdf=smooth)
+    shape = _mesh(reflector.name, mesh, mark, uv=mesh.uv, bsdf=mitsuba_normalmap.bsdf(smooth, mesh, normals))
+    mitsuba_normalmap.describe(shape, mesh, normals)
+    return shape
 
 
 def _conductor(reflector: Reflector) -> mi.BSDF:
@@ -254,7 +267,7 @@ def _by_emission(mesh: Mesh) -> Iterator[tuple[np.ndarray, np.ndarray | None, bo
 
 
 def _mesh(name: str, mesh: Mesh, mark: np.ndarray, **parts) -> mi.Mesh:
-    """World-space mesh; `parts` are its BSDF, emitter and flags."""
+    """World-space mesh; `parts` are its uv, BSDF, emitter and flags."""
     normals = None if parts.get("face_normals", False) else np.asarray(mesh.normals)
     shape = mitsuba_mesh.mesh(name, mesh.vertices, mesh.faces, normals, **parts)
     shape.add_attribute("face_mark", 1, np.float32(mark).ravel())

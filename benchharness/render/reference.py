@@ -24,6 +24,7 @@ import numpy as np
 
 import benchharness.cache as cache
 import benchharness.render.mitsuba_scene as mitsuba_scene
+from benchharness.render import mitsuba_normalmap
 from benchharness.render.bake import bake
 from benchharness.render.normalisation import normalised
 from benchharness.scene import Camera, Reflector, Scene
@@ -139,7 +140,8 @@ def _render(
     world = mitsuba_scene.mitsuba_scene(scene, time, options.lighting, marks)
     start = max(scene.near_plane, _nearest(scene, time, camera))
     image, variance, spp = _sampled(world, camera, start, width, height, options, seed)
-    reflector, distance, second, back = _geometry(world, camera, start, width, height)
+    mapped = any(one.normal_map is not None for one in scene.reflectors)
+    reflector, distance, second, back = _geometry(world, camera, start, width, height, mapped=mapped)
     shape = (height, width)
     return {
         "image": image.reshape(*shape, 3).astype(np.float32),
@@ -214,16 +216,24 @@ def _sampled(
     return image, variance, done
 
 
-def _geometry(world: mi.Scene, camera: Camera, start: float, width: int, height: int) -> tuple[np.ndarray, ...]:
+def _geometry(
+    world: mi.Scene, camera: Camera, start: float, width: int, height: int, *, mapped: bool
+) -> tuple[np.ndarray, ...]:
     """Number of the reflector at each pixel's centre, int32 [H W], and of the reflected ray: its length, float32 [H W], and
-    whether it meets a reflector, and whether the back of an object, bool [H W]."""
+    whether it meets a reflector, and whether the back of an object, bool [H W].
+
+    mapped  whether any has a normal map
+    """
     lane = dr.arange(mi.UInt32, width * height)
     ray = camera_rays(camera, start, width, height, mi.Float(lane % width) + 0.5, mi.Float(lane // width) + 0.5)
     si = world.ray_intersect(ray)
     valid = si.is_valid()
     number = dr.select(valid, mi.Int32(si.shape.eval_attribute_1("face_mark", si, valid)), -1)
     n = si.sh_frame.n
-    mirrored = si.spawn_ray(ray.d - 2 * dr.dot(ray.d, n) * n)
+    d = ray.d - 2 * dr.dot(ray.d, n) * n
+    if mapped:
+        d = mitsuba_normalmap.reflected(si, number >= 0)
+    mirrored = si.spawn_ray(d)
     met = world.ray_intersect(mirrored, active=number >= 0)
     t = met.t + dr.dot(mirrored.o - si.p, mirrored.d)
     second = met.is_valid()

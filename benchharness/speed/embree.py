@@ -52,7 +52,10 @@ class World:
 
 
 def build(scene: Scene, time: float, way: hierarchy.Way = hierarchy.BODIES, *, robust: bool = True) -> World:
-    """The baked scene at `time` seconds; `way` and `robust` as in `hierarchy`."""
+    """The baked scene at `time` seconds; `way` and `robust` as in `hierarchy`. Raises ValueError for normal maps,
+    which its first hits know nothing of."""
+    if any(mirror.normal_map is not None for mirror in scene.reflectors):
+        raise ValueError(f"scene {scene.name} has normal maps; accepted here: scenes without")
     triangles, seen = geometry.of_scene(scene), geometry.of_scene_seen(scene)
     metals = [(r.eta, r.k) if r.eta is not None else None for r in scene.reflectors]
     return World(

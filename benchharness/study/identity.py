@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import benchharness
-from benchharness.scene import Mesh, Object, Scene
+from benchharness.scene import Mesh, Object, Scene, Texture
 from benchharness.study import plugins
 
 LENGTH = 16
@@ -35,6 +35,8 @@ def of_scene(scene: Scene) -> str:
         digest.update(json.dumps([reflector.eta, reflector.k, reflector.closed is not None]).encode())
         if reflector.closed is not None:
             _add_mesh(digest, reflector.closed)
+        if reflector.normal_map is not None and reflector.mesh.uv is not None:
+            _add_picture(digest, "normal map", reflector.normal_map, reflector.mesh.uv)
     for frame in range(scene.frames):
         time = scene.time(frame)
         camera = scene.camera(time)
@@ -85,9 +87,13 @@ def _add_mesh(digest: Any, mesh: Mesh) -> None:
         digest.update(b"visibility")
         _add(digest, mesh.visibility)
     if mesh.texture is not None and mesh.uv is not None:
-        digest.update(" ".join(("texture", *mesh.texture.along)).encode())
-        _add(digest, mesh.uv)
-        _add(digest, np.round(65535 * mesh.texture.pixels).astype(np.uint16))
+        _add_picture(digest, "texture", mesh.texture, mesh.uv)
+
+
+def _add_picture(digest: Any, kind: str, picture: Texture, uv: np.ndarray) -> None:
+    digest.update(" ".join((kind, *picture.along)).encode())
+    _add(digest, uv)
+    _add(digest, np.round(65535 * picture.pixels).astype(np.uint16))
 
 
 def _add(digest: Any, values: ArrayLike) -> None:

@@ -72,6 +72,7 @@ class ReflectorTable(Placed):
     closed: str | None = None
     eta: tuple[Positive, Positive, Positive] | None = None
     k: tuple[Radiance, Radiance, Radiance] | None = None
+    normal_map: str | None = None
 
 
 def read(path: Path, where: str, placed: Placed) -> Asset:
@@ -116,8 +117,8 @@ def turn(degrees: Vector) -> np.ndarray:
 
 
 def mesh(asset: Asset, at: np.ndarray) -> Mesh:
-    """All of a file as one mesh without a look. Raises ValueError for what is no mesh."""
-    return merged(*(Mesh(part.vertices, part.faces, part.normals) for part in asset.parts)).transformed(at)
+    """All of a file as one mesh without a look, with uv if all of it has. Raises ValueError for what is no mesh."""
+    return merged(*(Mesh(part.vertices, part.faces, part.normals, uv=part.uv) for part in asset.parts)).transformed(at)
 
 
 def objects(asset: Asset, entry: ObjectTable, at: np.ndarray) -> tuple[list[Object], list[str]]:

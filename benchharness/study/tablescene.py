@@ -21,6 +21,9 @@ that vertices follow. Objects do not move; the eye goes along `path` at even pac
 In place of `background`, `environment = "sky.exr"` names a panorama (latitude and longitude, EXR or HDR, linear) as it is
 photographed, straight up in its first row and +x at its left and right ends, +y a quarter from the right; taken at
 `environment_centre`, by default the origin.
+
+`normal_map = "waves.png"` of a reflector is a picture of numbers that turn its normals, at the uv of its file
+(`benchharness.modelling.normalmap`).
 """
 
 from __future__ import annotations
@@ -36,7 +39,7 @@ from pydantic import Field, ValidationError
 
 from benchharness.modelling.winding import is_closed
 from benchharness.scene import Camera, Environment, Reflector, Scene, subdivided
-from benchharness.study import placed, plugins
+from benchharness.study import normalmaps, placed, plugins
 from benchharness.study.placed import Fit, ObjectTable, Positive, Radiance, ReflectorTable, Table, Vector
 
 PANORAMAS = (".exr", ".hdr")
@@ -105,14 +108,17 @@ def built(name: str, table: SceneTable, base: Path, where: str) -> tuple[Scene, 
         asset = placed.read(base / entry.mesh, f"{key}.mesh", entry)
         at = placed.pose(asset, entry, key)
         mesh = _made(placed.mesh, f"{key}.mesh: {base / entry.mesh}", asset, at)
-        notes += placed.notes("mirror", entry.name, asset, at, [])
+        turned, said = None, []
+        if entry.normal_map is not None:
+            turned, said = normalmaps.read(base / entry.normal_map, f"{key}.normal_map", mesh)
+        notes += placed.notes("mirror", entry.name, asset, at, said)
         closed = None
         if entry.closed is not None:
             around = placed.read(base / entry.closed, f"{key}.closed", entry)
             closed = _made(placed.mesh, f"{key}.closed: {base / entry.closed}", around, at)
             if not is_closed(closed):
                 raise ValueError(f"{key}.closed: {entry.closed} is not watertight; accepted: every edge has two faces")
-        reflectors.append(Reflector(entry.name, mesh, closed, entry.eta, entry.k))
+        reflectors.append(Reflector(entry.name, mesh, closed, entry.eta, entry.k, normal_map=turned))
     for kind, names in [("objects", [o.name for o in objects]), ("reflectors", [r.name for r in reflectors])]:
         twice = sorted({n for n in names if names.count(n) > 1})
         if twice:

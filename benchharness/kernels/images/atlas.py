@@ -8,8 +8,8 @@ gets vertices of its own, which are carried by both: what one camera sees of all
 (column, row, 1) times its depth, told in distances of its camera, so that all depths are near 1.
 
 On the sheet, texel (column, row) of a level is packet row * (width of the level) + column; levels lie one after the other,
-the finest first. A packet holds 4 floats, premultiplied with coverage: radiance of an object, or unit normal of a mirror in
-the axes of the camera, then coverage.
+the finest first. A packet holds 4 floats, premultiplied with coverage: radiance of an object, or unit normal of a mirror (with
+its normal map) in the axes of the camera, then coverage.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from benchharness.kernels import geometry, lighting, packets, painting, raster
+from benchharness.kernels import geometry, lighting, normalmap, packets, painting, raster
 from benchharness.kernels.frozen import frozen, roomy
 from benchharness.kernels.images import depthmap, impostor
 from benchharness.kernels.types import View
@@ -265,6 +265,9 @@ def _resolved(scene: Scene, copies: Copies, visibility: mi.UInt32, tables: Table
     a, b, k, viewer = (dr.gather(mi.Vector4f, tables.floats, (FLOATS // 4) * own + row, hit) for row in range(3, 7))
     mirror = k.w > 0
     n = dr.normalize(value)
+    if scene.triangles.normal_maps is not None:
+        spot = lighting.Spot(scene.triangles.points, face, more.y, weights)
+        n, _ = normalmap.tilted(scene.triangles.normal_maps, spot, n, hit & mirror)
     value = dr.select(mirror, mi.Vector3f(dr.dot(n, a.xyz), dr.dot(n, b.xyz), dr.dot(n, k.xyz)), value)
     if scene.shine is not None:
         spot = lighting.Spot(scene.world, face, more.y, weights)

@@ -11,7 +11,7 @@ import numpy as np
 from benchharness.kernels import cubemap, geometry, optics, surroundings
 from benchharness.kernels.images import atlas, extent
 from benchharness.kernels.images.roles import Plan
-from benchharness.kernels.types import SceneLike
+from benchharness.kernels.types import ReflectorLike, SceneLike
 
 NEAR = 1e-3  # metres; nearer to the centre of an environment map than this nothing is drawn
 
@@ -86,11 +86,16 @@ def uploaded(scene: SceneLike, plan: Plan) -> DeviceScene:
         runs=atlas.runs_of(triangles, len(scene.parts)),
         infinity=surroundings.of_scene(scene),
         centre=np.zeros(3) if scene.environment is None else np.asarray(scene.environment.centre, np.float64),
-        curvatures=np.array([extent.least_curvature(mirror.mesh) for mirror in scene.reflectors]),
+        curvatures=np.array([_least_curvature(mirror) for mirror in scene.reflectors]),
         metals=optics.metals_of(scene),
         unit=scene.unit,
         enclosed=list(scene.enclosed),
     )
+
+
+def _least_curvature(mirror: ReflectorLike) -> float:
+    """What a normal map bends, may be hollow anywhere."""
+    return 0.0 if mirror.normal_map is not None else extent.least_curvature(mirror.mesh)
 
 
 def environment_map(
