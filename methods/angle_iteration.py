@@ -19,7 +19,9 @@ from the eye to every vertex whether the mirror hides it. A root that a mirror w
 reflection; there, one ray per pixel asks where the mirror meets itself, and it is black (`self_reflection`). Shows no second
 bounce. Fails where triangles are long: images of edges are straight.
 
-Vertices are not interpolated between others that were solved: `split_px` and `lod_px` choose which vertices there are.
+With `exact_every` above 1 some vertices are searched, and the points of the rest interpolated between theirs and put on the
+mirror again (kernels.vertices.between). What that leaves more than a quarter pixel off says so, like a search that has not
+converged. Where a corner is hidden or was not found, a vertex is searched itself.
 """
 
 from __future__ import annotations
@@ -36,12 +38,14 @@ from benchharness.kernels import normalmap, placement
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.vertices import (
     angles,
+    between,
     branches,
     mirrormesh,
     newton,
     problems,
     scenery,
     search,
+    secant,
     sight,
     single,
     starmirror,
@@ -53,9 +57,13 @@ from benchharness.scene import Scene
 
 @dataclass
 class State(vertexwise.State):
-    """`mirrors`: per reflector, what is searched."""
+    """
+    mirrors  per reflector, what is searched
+    lying    which vertices are searched, and between which the others lie; None where all are
+    """
 
     mirrors: list[starmirror.StarMirror]
+    lying: between.Between | None
 
 
 @dataclass(frozen=True)
@@ -76,6 +84,8 @@ class AngleIteration(Method):
                 0 for none. Only with "ray", which shows the part itself and not what stands for it
     split_px    edges are split whose images are off a straight line by more than this, pixels (kernels.vertices.tessellation);
                 0 for none
+    exact_every  of so many places of a part about one is searched, the rest lie between. Above 1 only with `split_px` 0 and
+                "interpolate": what splitting and rays ask of vertices are their own points
     """
 
     resolution: Annotated[int, Field(ge=8, le=2048)] = 256
@@ -88,11 +98,13 @@ class AngleIteration(Method):
     resolve: Literal["interpolate", "ray"] = "interpolate"
     lod_px: Annotated[float, Field(ge=0, le=1e3)] = 0.0
     split_px: Annotated[float, Field(ge=0, le=1e3)] = scenery.SPLIT_PX
+    exact_every: Annotated[int, Field(ge=1, le=65536)] = 1
 
     knobs: ClassVar[tuple[Knob, ...]] = (
         Knob("resolution", (16, 64, 256), {"split_px": 1.0}),
         Knob("split_px", (16.0, 4.0, 2.0, 1.0, 0.5, 0.25)),
         Knob("max_iter", (4, 8, 16, 60), {"split_px": 1.0}),
+        Knob("exact_every", (64, 16, 4, 1), {"split_px": 0.0}),
     )
     family: ClassVar[str] = "moved vertices"
     paper: ClassVar[str] = "Estalella et al. 2005, reconstructed"
@@ -106,6 +118,11 @@ class AngleIteration(Method):
 
     def __post_init__(self) -> None:
         scenery.check(self.resolve, self.lod_px, self.split_px, 1, "angle_iteration", self.other_mirrors)
+        if self.exact_every > 1 and (self.split_px > 0 or self.resolve != "interpolate"):
+            raise ValueError(
+                f"angle_iteration: exact_every {self.exact_every} with split_px {self.split_px:g} and resolve "
+                f'"{self.resolve}"; accepted: 1, or split_px 0 and "interpolate"'
+            )
 
     def refuses(self, scene: Scene) -> str | None:
         return normalmap.refusal(scene.reflectors) or starmirror.refusal(scene.reflectors, self.resolution, outside=True)
@@ -114,13 +131,14 @@ class AngleIteration(Method):
         made = [starmirror.of_reflector(reflector, self.resolution) for reflector in scene.reflectors]
         searched = [mesh for _, mesh in made]
         seen = scenery.of_scene(scene, searched, self.resolve, self.lod_px, self.split_px, others=self.other_mirrors)
-        return State(seen, [], None, [mirror for mirror, _ in made])
+        lying = None if self.exact_every == 1 else between.of_scene(scene, self.exact_every)
+        return State(seen, [], None, [mirror for mirror, _ in made], lying)
 
     def update(self, state: State, frame: Frame) -> State:
         return replace(state, scenery=scenery.posed(state.scenery, frame))
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
-        drawing = virtual.Drawing(self.hidden)
+        drawing, lying = virtual.Drawing(self.hidden), state.lying
 
         def solve(i: int, problem: problems.Problem, last: starmirror.Ends) -> vertexwise.Solved:
             mirror, pose = state.mirrors[i], problem.pose
@@ -129,7 +147,11 @@ class AngleIteration(Method):
             back = virtual.nearest_back(frame.proxies[i], frame.poses, problem.part, frame.view) if closed else None
 
             def find(asked: problems.Problem, start: starmirror.Ends) -> problems.Found:
-                return problems.Found(*_solve(asked, mirror, start, self.damping, self.hidden))
+                if lying is None:
+                    return problems.Found(*_solve(asked, mirror, start, self.damping, self.hidden))
+                few = problems.Found(*_solve(between.of_searched(asked, lying), mirror, start, self.damping, self.hidden))
+                images, found, counted = _interpolated(asked, mirror, few, lying, self.damping, self.hidden)
+                return problems.Found(images, found, few.end, {"interpolated": counted})
 
             hider, whole = sight.Shadow(mirror.mesh, pose), mirror.mesh.convex and self.hidden == "cut"
             return vertexwise.Solved(find(problem, last), drawing, hider, back, whole, own=own, further=find)
@@ -138,7 +160,7 @@ class AngleIteration(Method):
             state,
             frame,
             solve,
-            starmirror.Ends.cold,
+            lambda count: starmirror.Ends.cold(count if lying is None else lying.count),
             other_mirrors=self.other_mirrors,
             max_iter=self.max_iter,
             warm=self.warm,
@@ -168,6 +190,53 @@ def _solve(
     again = angles.iterate(damping, star, local, cold, lost, max_iter)
     iterations = s.iterations + again.iterations
     s = dr.select(lost, again, s)
+    s.iterations = iterations
+    end = _ended(problem, mirror, local, seen, searched, s)
+    images, vertices, shown = single.images_of(problem, end, seen, mirror.sheet, flush=mesh.convex and hides == "cut")
+    ends = starmirror.Ends(dr.empty(mi.Float, 3 * problem.count), shown)
+    dr.scatter(ends.u, placement.unit(end.R - star.centre), lane)
+    return images, vertices, ends
+
+
+@frozen
+def _interpolated(
+    problem: problems.Problem,
+    mirror: starmirror.StarMirror,
+    few: problems.Found,
+    lying: between.Between,
+    damping: str,
+    hides: str,
+) -> tuple[virtual.Images, Vertices, mi.UInt32]:
+    """The same of all vertices, of what was found of those that are searched; and which were interpolated, 1 of each."""
+    star, mesh = mirror.star, mirror.mesh
+    lane, V, active = problem.vertices()
+    local = placement.mirror_frame(problem.pose, V, problem.view)
+    seen = sight.look_at(mesh, local, active)
+    searched = active & ~seen.shadow if mesh.convex else mi.Bool(active)
+    found = few.vertices
+    here = between.interpolated(lying, few.end.u, found.converged, lane)
+    steps = dr.select(here.searched, dr.gather(mi.UInt32, found.iterations, here.own), 0)
+    closed = ~here.searched | dr.gather(mi.Bool, found.converged, here.own)
+    known = searched & (here.whole | here.searched)
+    s = secant.judged(star, local, placement.unit(here.value), closed, steps, mi.UInt32(0), known)
+    alone = searched & ~known
+    again = angles.iterate(damping, star, local, angles.first_guess(star, local), alone, problem.max_iter)
+    s = dr.select(alone, again, s)
+    end = _ended(problem, mirror, local, seen, searched, s)
+    images, vertices, _ = single.images_of(problem, end, seen, mirror.sheet, flush=mesh.convex and hides == "cut")
+    return images, vertices, dr.select(known & ~here.searched, mi.UInt32(1), 0)
+
+
+def _ended(
+    problem: problems.Problem,
+    mirror: starmirror.StarMirror,
+    local: placement.MirrorFrame,
+    seen: sight.Sight,
+    searched: mi.Bool,
+    s: secant.Solution,
+) -> single.Ended:
+    """What has come of directions, asked of the mirror's mesh."""
+    star, mesh = mirror.star, mirror.mesh
     on, met = sight.located(mesh, star.centre, s.u, s.converged)
     converged = s.converged & newton.arrived(mesh, local, on, met)
 
@@ -175,7 +244,7 @@ def _solve(
     n = dr.select(seen.touches, newton.newton_step(mesh, local, seen.on, seen.touches).N, s.n)
     R = dr.select(seen.touches, mirrormesh.position(mesh, seen.on, seen.touches), s.R)
     converged = dr.select(seen.touches, searched & (dr.dot(n, local.eye - R) > 0), converged)
-    end = single.Ended(
+    return single.Ended(
         R=R,
         n=mi.Normal3f(n),
         searched=searched,
@@ -183,9 +252,5 @@ def _solve(
         near=s.residual < search.STRAY,
         converged=converged,
         residual=dr.select(seen.touches, 0, s.residual),
-        iterations=iterations,
+        iterations=s.iterations,
     )
-    images, vertices, shown = single.images_of(problem, end, seen, mirror.sheet, flush=mesh.convex and hides == "cut")
-    ends = starmirror.Ends(dr.empty(mi.Float, 3 * problem.count), shown)
-    dr.scatter(ends.u, placement.unit(end.R - star.centre), lane)
-    return images, vertices, ends

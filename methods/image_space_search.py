@@ -29,6 +29,7 @@ Where we differ:
   on a mirror that is not convex, one that starts warm and ends where half vector and normal do not agree.
 * A mirror that is not convex may stand between a vertex and its reflection point, as a bowl's wall does. With `own = "black"`,
   a ray per pixel asks whether the mirror meets itself: there it is black.
+* Before a flat sheet, a vertex whose search ends at the sheet's edge is mirrored in its plane (kernels.vertices.flatsheet).
 """
 
 from __future__ import annotations
@@ -208,7 +209,8 @@ class ImageSpaceSearch(Method):
                 images, vertices, end, reads = _search(asked, picture, window, start, options, roots)
                 return problems.Found(images, vertices, end, {"texel_reads": reads})
 
-            return vertexwise.Solved(find(problem, last), drawing, picture, whole=mesh.convex, own=own, further=find)
+            whole = mesh.convex or problem.plane is not None
+            return vertexwise.Solved(find(problem, last), drawing, picture, whole=whole, own=own, further=find)
 
         return vertexwise.shown(
             state,

@@ -11,6 +11,8 @@ triangles join what belongs together (kernels.vertices.several, .branches). Wher
 per pixel of a mirror that is not convex (`self_reflection`). Of two reflections that are about to meet on a caustic, one may
 be missed, and triangles that reach over the caustic are not drawn.
 
+Before a flat sheet nothing bends: what lies beyond its edge is mirrored in its plane (kernels.vertices.flatsheet).
+
 Needs no star-shaped and no convex mirror. Fails where triangles are long: images of edges are straight. Shows second
 bounces with `other_mirrors = "reflective"` alone, and none of a mirror in itself.
 """

@@ -24,6 +24,8 @@ from benchharness.kernels import depths
 from benchharness.kernels.types import View
 
 CLOSED = 0x8000_0000  # in the fourth number of a triangle: its back is never seen
+NO_SLOPE = 1e-30  # square of how much an edge function changes from pixel to pixel, below which it is the same in all
+OFF_SCREEN = -1e6  # a row above every picture
 
 Cull = Literal["", "back", "front"]
 """What is not drawn: nothing; triangles marked CLOSED that turn their clockwise side to the eye; all that turn their
@@ -191,12 +193,15 @@ def _edge(one: Corner, other: Corner, positive: mi.Bool) -> Edge:
     a, b = dr.select(swap, other, one), dr.select(swap, one, other)
 
     line = dr.cross(a.h, b.h)
-    foot = -line.z * dr.rcp(dr.maximum(dr.square(line.x) + dr.square(line.y), 1e-30))
-    x = dr.select(a.front, a.x, dr.select(b.front, b.x, foot * line.x))
-    y = dr.select(a.front, a.y, dr.select(b.front, b.y, foot * line.y))
+    slope = dr.square(line.x) + dr.square(line.y)
+    foot = -line.z * dr.rcp(dr.maximum(slope, NO_SLOPE))
+    # An edge at depth 0 is seen nowhere: all of the triangle that is in front of the eye is inside.
+    nowhere = ~a.front & ~b.front & (slope < NO_SLOPE)
+    x = dr.select(a.front, a.x, dr.select(b.front, b.x, dr.select(nowhere, 0, foot * line.x)))
+    y = dr.select(a.front, a.y, dr.select(b.front, b.y, dr.select(nowhere, OFF_SCREEN, foot * line.y)))
     sign = dr.select(swap ^ positive, mi.Float(1), mi.Float(-1))
-    A = sign * dr.select(both, a.y - b.y, line.x)
-    B = sign * dr.select(both, b.x - a.x, line.y)
+    A = dr.select(nowhere, 0, sign * dr.select(both, a.y - b.y, line.x))
+    B = dr.select(nowhere, 1, sign * dr.select(both, b.x - a.x, line.y))
     return Edge(x, y, A, B, (A > 0) | ((A == 0) & (B > 0)))
 
 

@@ -90,6 +90,17 @@ def test_a_triangle_through_the_near_plane_is_drawn_up_to_it_and_not_behind_the_
     assert (drawn(vertices, faces, 160, 120, 0.01) >= 0).sum() > (drawn(vertices, faces, 160, 120, 2.0) >= 0).sum()
 
 
+def test_a_triangle_with_an_edge_at_the_depth_of_the_eye_is_drawn_whichever_way_it_is_wound():
+    """Both ends of the edge have depth 0 to the last bit: its edge function is a number that is the same at every pixel."""
+    for below in (-0.5, 0.7):
+        vertices = np.array([[-2.0, CAMERA.eye[1], below], [2.0, CAMERA.eye[1], below], [0.3, 2.0, 1.2 * below]])
+        for faces in np.array([[[0, 1, 2]], [[0, 2, 1]]]):
+            expected, margin = oracle(vertices, faces, 160, 120, 0.01)
+            got = drawn(vertices, faces, 160, 120, 0.01)
+            assert (expected == 0).sum() > 1000
+            assert (got == expected)[margin > 1e-4].all()
+
+
 def facing_grid(columns, rows, width, height, jitter, seed=0):
     """A grid of triangles that fills the picture and hangs over its edge; its vertices are given in pixels."""
     rng = np.random.default_rng(seed)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from support.answers import clearances, hollow, off_px, picture, tilted_sheet
+from support.answers import apart_px, clearances, hollow, off_px, picture, tilted_sheet
 from support.mirror_room import ball, error, mirror_ball, scene, shaded, smooth, walls
 from support.small_room import box
 
@@ -101,3 +101,31 @@ def test_mirrors_that_a_centre_sees_are_refused_with_what_is_accepted():
 def test_levels_of_detail_without_rays_are_refused():
     with pytest.raises(ValueError, match='angle_iteration: lod_px 1 with resolve "interpolate"; accepted: 0, or "ray"'):
         AngleIteration(lod_px=1.0)
+
+
+def test_points_between_others_are_off_by_the_square_of_their_distance_and_say_by_how_much(found, room, renderer):
+    exact = found[0]
+    region, off, shares = vertex(exact, "region"), [], []
+    for every in (4, 16):
+        (answer,) = shaded(replace(METHOD, exact_every=every), room, 0, renderer=renderer)
+        both = (region == 1) & (vertex(answer, "region") == 1)
+        assert ((region == 1) != (vertex(answer, "region") == 1)).mean() < 0.02
+        own = both & (vertex(answer, "iterations") > 0)
+        np.testing.assert_allclose(vertex(answer, "R")[:, own], vertex(exact, "R")[:, own], atol=1e-4)
+        lying = both & ~own
+        shares.append(1 - np.array(answer.reflection.counters["interpolated"]).sum() / (region == 1).sum())
+        V = np.concatenate([part.mesh.vertices for part in room.parts])
+        assert len(V) == len(region)
+        one, other = (vertex(a, "R").T[lying].astype(float) for a in (answer, exact))
+        off.append(float(np.median(apart_px(one, other, room))))
+        assert np.nanmax(off_px(answer, room, step=3)) < 0.35  # what calls itself converged: a quarter pixel, and texels
+        lost = lying & ~vertex(answer, "converged")
+        assert lost.any() and (every == 4 or doubted(answer) > doubted(exact))
+    assert shares[0] > 1.5 * shares[1] and shares[1] < 0.5
+    assert off[1] > 1.8 * off[0] > 0
+
+
+def test_what_lies_between_is_refused_where_vertices_are_split_or_asked_by_rays():
+    for more in ({}, {"split_px": 0.0, "resolve": "ray"}):
+        with pytest.raises(ValueError, match=r'exact_every 4 with split_px .*; accepted: 1, or split_px 0 and "interpolate"'):
+            AngleIteration(exact_every=4, **more)

@@ -45,8 +45,6 @@ LOOKED_UP = 0.8  # share of converged vertices that still are, for what is looke
 ROUNDED = 1e-3  # radiance
 ROOMS = ("box_projection", "probe_blend")  # methods that fit a box around what surrounds a mirror
 UNTURNED = {
-    ("finite_sphere", "off_screen"): "of a flat mirror the map stands in its plane: another radius, once all is turned",
-    ("finite_sphere", "screened"): "of a flat mirror the map stands in its plane: another radius, once all is turned",
     ("probe_blend", "next_room"): "two rooms have no box of their own, and maps stand elsewhere in one that is turned",
 }
 CONVERGE = 0.8  # share of regimes whose mildest scene has vertices that converge

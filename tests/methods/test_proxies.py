@@ -6,14 +6,18 @@ import mitsuba as mi
 import numpy as np
 import pytest
 from oracles.proxy_oracle import turned
-from support.mirror_room import balls, mirror_ball, mirror_room, scene, shaded, walls
+from support.mirror_room import balls, mirror_ball, mirror_room, scene, shaded, still, walls
 from support.proxy_rooms import SIZE, WAY, Truth, dome, hall, red
+from support.small_room import box
+from support.stress_rooms import carried
 
 from benchharness.render.frame import FrameRenderer
+from benchharness.scene import Reflector
 from benchharness.study import params
 from methods.box_projection import BoxProjection
 from methods.environment_map import EnvironmentMap
 from methods.finite_sphere import FiniteSphere
+from scenes.props import minimal
 from scenes.stress.comb import comb
 from scenes.stress.concave import concave
 from scenes.stress.contact import contact
@@ -47,6 +51,24 @@ def test_a_sphere_is_exact_in_a_spherical_room_and_finds_its_radius(sphere_room)
         assert sphere_room.error(method) < 2e-3
     assert sphere_room.error(EnvironmentMap()) > 0.03
     assert sphere_room.error(FiniteSphere(radius=2.5)) > 5e-3
+
+
+def test_the_radius_is_that_of_the_room_where_tiles_of_the_floor_meet_under_the_map_and_if_all_is_turned():
+    """From 0.2 above tiles of a metre, edges lie at depth 0 of the map's faces, and triangles at them fill half of these."""
+    low, high = np.array([-2.0, -2.0, -0.2]), np.array([2.0, 2.0, 1.6])
+    low_room = scene(
+        (minimal.thing("walls", minimal.room(low, high)),),
+        (Reflector("mirror", box((-0.1,) * 3, (0.1,) * 3)),),
+        still((0.2, -1.0, 0.3)),
+    )
+    turn = np.eye(4)
+    turn[:3, :3] = FRAME
+    radii = [radius_of(shaded(FiniteSphere(), made, 0, size=(32, 24))[0]) for made in (low_room, carried(low_room, turn))]
+    u = (np.arange(400) + 0.5) / 200 - 1
+    faces = np.stack(np.broadcast_arrays(1.0, u[:, None], u), axis=-1).reshape(-1, 3)
+    d = np.concatenate([sign * np.roll(faces, axis, axis=1) for axis in range(3) for sign in (1, -1)])
+    length, way = np.linalg.norm(d, axis=1), (np.where(d > 0, high, low) / d).min(axis=1)
+    assert radii == pytest.approx([(way * length**-2).sum() / (length**-3).sum()] * 2, rel=5e-3)
 
 
 def test_a_box_is_exact_in_an_empty_room_whatever_its_place_and_turn_and_sides(turned_hall):

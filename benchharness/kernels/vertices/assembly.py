@@ -18,7 +18,7 @@ import mitsuba as mi
 from benchharness.kernels import depths, geometry, packets, raster
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.types import View
-from benchharness.kernels.vertices import bent
+from benchharness.kernels.vertices import bent, flatsheet
 
 NONE, REFLECTED, HIDDEN = 0, 1, 2
 HALVINGS = 10  # of an edge, at most, to find where it enters the hidden region: a thousandth of its length, and
@@ -50,10 +50,12 @@ class Drawing:
 
     hidden   "cut", "drop" or "keep": see above
     depth    "perspective" or "screen_linear"; the latter knows no cut
+    rigid    images are the scene mirrored in a plane: straight, and whole where they reach behind the eye
     """
 
     hidden: str
     depth: str = "perspective"
+    rigid: bool = False
 
 
 @dataclass
@@ -75,7 +77,8 @@ class Target:
 
 
 class Hider(Protocol):
-    """What is asked whether a mirror hides a point of the world: `textures.Texture`, `sight.Shadow` or `sight.Shadows`."""
+    """What is asked whether a mirror hides a point of the world: `textures.Texture`, `sight.Shadow`, `sight.Shadows` or
+    `flatsheet.Behind`."""
 
     def hides(self, x: mi.Point3f, view: View, active: mi.Bool) -> tuple[mi.Bool, mi.Float]:
         """Whether it hides x from the eye, and the depth of the mirror there, from `view.depth`; where there are several
@@ -136,9 +139,9 @@ def assembled(
         shown &= dr.any([(k == REFLECTED) & seen for k, seen in zip(kinds, sights, strict=True)])
     shown &= _turned_to_mirror(triangles.points, images.at, corners)
     whole = (kinds[0] == REFLECTED) & (kinds[1] == REFLECTED) & (kinds[2] == REFLECTED)
-    # A triangle that reaches behind the eye has no image.
-    near = [(q.w != REFLECTED) | (dr.dot(view.w, mi.Vector4f(q.x, q.y, q.z, 1)) > view.near) for q in corner]
-    shown &= near[0] & near[1] & near[2]
+    if not drawing.rigid:  # in a mirror that bulges, a triangle that reaches behind the eye has no image
+        near = [(q.w != REFLECTED) | (dr.dot(view.w, mi.Vector4f(q.x, q.y, q.z, 1)) > view.near) for q in corner]
+        shown &= near[0] & near[1] & near[2]
     if drawing.hidden == "drop":
         shown &= whole
     nearness = None
@@ -149,14 +152,16 @@ def assembled(
     nearest = depths.nearness(view, there - CONTACT * dr.minimum(view.depth + there, AT_MOST))
     limit = dr.select(target.own, mi.Float(dr.inf) if drawing.depth == "screen_linear" else nearest, -dr.inf)
     if drawing.hidden != "cut":
-        bands = None if images.unsure is None else _bands(images, view, corners, shown, None)
+        bands = None if images.unsure is None else _bands(images, view, corners, shown, None, drawing)
         return Assembled(images.moved, triangles, shown, limit, nearness, bands)
     assert hider is not None
     uncut = Assembled(images.moved, triangles, shown, limit, nearness, None)
-    return _cut(images, corners, view, hider, uncut, whole)
+    return _cut(images, corners, view, hider, uncut, whole, drawing)
 
 
-def _cut(images: Images, corners: _Corners, view: View, hider: Hider, made: Assembled, whole: mi.Bool) -> Assembled:
+def _cut(
+    images: Images, corners: _Corners, view: View, hider: Hider, made: Assembled, whole: mi.Bool, drawing: Drawing
+) -> Assembled:
     """The triangles of `made`, those that are not `whole` cut where their edges enter the hidden region.
 
     The vertices of the scene come first, then two per triangle f, number f and f + count of the rest: where it was cut.
@@ -200,7 +205,8 @@ def _cut(images: Images, corners: _Corners, view: View, hider: Hider, made: Asse
     lit = geometry.Geometry(lit_from, attributes, faces, vertex_count + 2 * count, 2 * count, shine, paint)
     bands = None
     if images.unsure is not None:
-        bands = _bands(images, view, corners, made.drawn, _Cuts(mixed, pair, turn, pixel(view, one[0]), pixel(view, two[0])))
+        cuts = _Cuts(mixed, pair, turn, pixel(view, one[0]), pixel(view, two[0]))
+        bands = _bands(images, view, corners, made.drawn, cuts, drawing)
     return Assembled(points, lit, drawn, made.limit, nearness, bands)
 
 
@@ -221,7 +227,7 @@ class _Cuts:
     two: mi.Point2f
 
 
-def _bands(images: Images, view: View, corners: _Corners, shown: mi.Bool, cuts: _Cuts | None) -> bent.Bands:
+def _bands(images: Images, view: View, corners: _Corners, shown: mi.Bool, cuts: _Cuts | None, drawing: Drawing) -> bent.Bands:
     """The bands of the edges between reflected corners, and of those that were cut."""
     assert images.unsure is not None
     index = corners.index
@@ -242,6 +248,8 @@ def _bands(images: Images, view: View, corners: _Corners, shown: mi.Bool, cuts: 
         to_one = bent.Edge(first.x, cuts.one, bent.sagitta_to_outline(first, cuts.one))
         to_two = bent.Edge(other.x, cuts.two, bent.sagitta_to_outline(other, cuts.two))
         edges = [whole[0], dr.select(cuts.mixed, to_one, whole[1]), dr.select(cuts.mixed, to_two, whole[2])]
+    if drawing.rigid:
+        edges = [replace(edge, sagitta=mi.Float(0)) for edge in edges]
     return bent.bands(view, corners.f, corners.count, edges, shown, unsure)
 
 
@@ -250,7 +258,6 @@ def turned(values: Any, turn: mi.UInt32 | mi.Int32) -> list:
     return [dr.select(turn == 0, values[k], dr.select(turn == 1, values[(k + 1) % 3], values[(k + 2) % 3])) for k in range(3)]
 
 
-@dr.syntax
 def _entry(
     points: mi.Float,
     carried: list[mi.Float],
@@ -263,6 +270,19 @@ def _entry(
     """Where the edge inner -> outer enters the hidden region, just behind the border: packets of position and of `carried`,
     and the depth of the mirror there, from `view.depth`."""
     a, b = dr.gather(mi.Vector4f, points, inner, active), dr.gather(mi.Vector4f, points, outer, active)
+    if isinstance(hider, flatsheet.Behind):
+        share = hider.share(a, b)
+        surface_offset = depths.offset(view, dr.lerp(a, b, share).xyz)
+    else:
+        share, surface_offset = _entered(a, b, hider, view, active)
+    x = dr.lerp(a, b, share)
+    there = [dr.lerp(*(dr.gather(mi.Vector4f, buffer, i, active) for i in (inner, outer)), share) for buffer in carried]
+    return [mi.Vector4f(x.x, x.y, x.z, HIDDEN), *there], surface_offset
+
+
+@dr.syntax
+def _entered(a: mi.Vector4f, b: mi.Vector4f, hider: Hider, view: View, active: mi.Bool) -> tuple[mi.Float, mi.Float]:
+    """At which share of an edge a mirror begins to hide it, and the depth of the mirror there, from `view.depth`."""
     low, high = mi.Float(0), mi.Float(1)
     step, met, surface_offset = mi.UInt32(0), mi.Bool(False), mi.Float(0)
     length = dr.norm(pixel(view, a) - pixel(view, b))
@@ -284,9 +304,7 @@ def _entry(
     focal = dr.rcp(dr.norm(view.right))
     far_behind = (own - surface_offset) * focal > BEHIND * (view.depth + own)
     high -= dr.select(far_behind, dr.minimum(dr.rcp(dr.maximum(length, 1e-6)), 0.5 * high), 0)
-    x = dr.lerp(a, b, high)
-    there = [dr.lerp(*(dr.gather(mi.Vector4f, buffer, i, active) for i in (inner, outer)), high) for buffer in carried]
-    return [mi.Vector4f(x.x, x.y, x.z, HIDDEN), *there], surface_offset
+    return high, surface_offset
 
 
 def pixel(view: View, p: mi.Vector4f) -> mi.Point2f:

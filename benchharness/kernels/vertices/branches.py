@@ -25,7 +25,7 @@ import mitsuba as mi
 from benchharness.kernels import depths, geometry, optics, packets, placement, raster
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.types import Frame, Vertices, View
-from benchharness.kernels.vertices import problems, several, sight, vertexwise, virtual
+from benchharness.kernels.vertices import flatsheet, newton, problems, several, sight, vertexwise, virtual
 from benchharness.kernels.vertices.mirrormesh import MirrorMesh
 from benchharness.kernels.vertices.problems import Found, Problem
 
@@ -66,20 +66,29 @@ def arranged(found: several.Found, mesh: MirrorMesh, problem: Problem, multi: in
     shadow &= active & last
     own = dr.dot(view.w, mi.Vector4f(V.x, V.y, V.z, 1))
     before = V + (V - view.eye) * dr.select(shadow, (surface - depths.offset(view, V)) / own, 0)
+    known, beyond = None, mi.Bool(False)
+    if problem.plane is not None:
+        known = flatsheet.mirrored(problem.plane, V, view.eye)
+        shadow, before = active & last & ~known.before, V
 
     def of(array: Any) -> Any:
         return dr.gather(type(array), array, lane, ~last)
 
     filled, n = of(found.filled), of(found.n)
     R = dr.select(filled, of(found.R), before)
+    if known is not None:  # beyond the edge of a flat sheet there is one image, too
+        beyond = (lane < count) & active & known.before & ~filled
+        filled |= beyond
+        R, n = dr.select(beyond, known.R, R), mi.Normal3f(dr.select(beyond, known.n, n))
     image = optics.mirrored(V, R, n) if mirrored else optics.on_ray(V, R, view.eye)
     image = dr.select(filled, image, V)
     kind, region = problems.kinds(filled, shadow)
     code = dr.select(filled, mi.Float(of(found.kind) + dr.select(of(found.seen), mi.UInt32(SEEN), 0)), 0)
+    code = dr.select(beyond, mi.Float(newton.MINIMUM + SEEN), code)
     images = virtual.Images(
         moved=packets.joined(image, kind, places * count),
         at=packets.joined(R, code, places * count),
-        unsure=problem.unsure(n, filled & ~of(found.converged), lane, places * count),
+        unsure=problem.unsure(n, filled & ~of(found.converged) & ~beyond, lane, places * count),
     )
     image, R, region = mi.Point3f(image), mi.Point3f(R), mi.UInt32(region)
     dr.eval(images, image, R, region)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 
-from benchharness.kernels import geometry, packets, placement
+from benchharness.kernels import geometry, packets, placement, planes
 from benchharness.kernels.types import Vertices, View
-from benchharness.kernels.vertices import virtual
+from benchharness.kernels.vertices import flatsheet, virtual
 
 UNKNOWN, REFLECTED, UNREFLECTED, HIDDEN = range(4)  # types.Vertices.region
 CUT_TURN = 0.05  # radians of turn from one frame to the next that make a cut
@@ -30,6 +30,7 @@ class Problem:
     max_iter     steps after which a search gives up
     mirror       the mirror's number in its group, per vertex; None where there is one
     of_triangles  per triangle, part and number of its mirror; None where there is one
+    plane        that the mirror is a sheet in, world space; None where it is not flat, or mirrors are several
     """
 
     world: geometry.Geometry
@@ -42,6 +43,7 @@ class Problem:
     max_iter: mi.UInt32
     mirror: mi.UInt32 | None = None
     of_triangles: tuple[mi.UInt32, mi.UInt32] | None = None
+    plane: planes.Plane | None = None
 
     @property
     def count(self) -> int:
@@ -117,8 +119,14 @@ class Found:
     counters: dict[str, mi.UInt32] = field(default_factory=dict)
 
 
-def images_of(problem: Problem, found: Answer) -> tuple[virtual.Images, Vertices]:
-    """The virtual vertices of an answer, and what there is to report of it; `valid` is `converged`."""
+def images_of(problem: Problem, found: Answer, *, by_plane: bool = True) -> tuple[virtual.Images, Vertices]:
+    """The virtual vertices of an answer, and what there is to report of it; `valid` is `converged`.
+
+    by_plane  what no point of a flat sheet was found to reflect has its image all the same: points that are found are exact
+    """
+    at, n = found.R, found.n
+    if by_plane and problem.plane is not None:
+        found, at, n = _by_plane(problem, problem.plane, found)
     count = problem.count
     lane = dr.arange(mi.UInt32, count)
     kind, region = kinds(found.reflected, found.hidden)
@@ -128,9 +136,9 @@ def images_of(problem: Problem, found: Answer) -> tuple[virtual.Images, Vertices
         region = dr.select(found.free, region, UNKNOWN)
     images = virtual.Images(
         moved=packets.joined(found.image, kind, count),
-        at=packets.joined(found.R, mi.Float(0), count),
+        at=packets.joined(at, mi.Float(0), count),
         seen=found.free,
-        unsure=problem.unsure(found.n, found.unsure, lane, count),
+        unsure=problem.unsure(n, found.unsure, lane, count),
     )
     vertices = Vertices(
         R=mi.Point3f(found.R),
@@ -144,6 +152,25 @@ def images_of(problem: Problem, found: Answer) -> tuple[virtual.Images, Vertices
         border=dr.zeros(mi.Bool, count) if found.border is None else found.border,
     )
     return images, vertices
+
+
+def _by_plane(problem: Problem, plane: planes.Plane, found: Answer) -> tuple[Answer, mi.Point3f, mi.Normal3f]:
+    """An answer in which what is before a flat sheet has its image, and no doubt, though no point of the sheet was found to
+    reflect it, and what is behind has none; and the points of the plane, and normals, that reflect."""
+    _, V, active = problem.vertices()
+    known = flatsheet.mirrored(plane, V, problem.view.eye)
+    beyond = active & known.before & ~found.converged
+    behind = found.reflected & ~known.before & ~found.converged
+    answer = replace(
+        found,
+        image=dr.select(beyond | behind, known.image, found.image),
+        reflected=(found.reflected & ~behind) | beyond,
+        hidden=(found.hidden & ~beyond) | behind,
+        unsure=found.unsure & ~beyond,
+        free=None if found.free is None else found.free | beyond,
+        flush=None if found.flush is None else found.flush & ~beyond,
+    )
+    return answer, dr.select(beyond, known.R, found.R), mi.Normal3f(dr.select(beyond, known.n, found.n))
 
 
 def was_cut(view: View, last: View) -> mi.Bool:

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import mitsuba as mi
 import numpy as np
 
-from benchharness.kernels import geometry, passage, surroundings
+from benchharness.kernels import geometry, passage, planes, surroundings
 from benchharness.kernels.types import Frame, MeshLike, SceneLike
-from benchharness.kernels.vertices import adjacency, drawlist, higherorder, nearlist
+from benchharness.kernels.vertices import adjacency, drawlist, flatsheet, higherorder, nearlist
 
 FLAT = 1e-6  # how much normals of a flat mirror differ
 HOLLOW = 1e-3  # radians that a normal may turn inwards along an edge of a mirror that is nowhere hollow
@@ -32,6 +32,7 @@ class Scenery:
     lod_px        pixels that what levels of detail leave out may be seen large
     split_px      pixels that the image of an edge may be off a straight line, or else it is split; 0 where none is
     flat, bulges  per reflector, whether all its normals are one, and whether it is nowhere hollow; False where no edge is split
+    plane_of      per reflector, the plane that it is a sheet in, object space; None where it is not flat
     still         the poses of parts that are where they were modelled
     near          which triangles are searched and drawn for which mirror, of a stock of parts as they are; None for all
     mirrors       what rays that meet them go on by; None where they are black in one another
@@ -50,6 +51,7 @@ class Scenery:
     split_px: float
     flat: tuple[bool, ...]
     bulges: tuple[bool, ...]
+    plane_of: tuple[planes.Plane | None, ...]
     still: mi.Float
     near: nearlist.Near | None = None
     mirrors: higherorder.Mirrors | None = None
@@ -134,6 +136,7 @@ def of_scene(
         split_px=split_px,
         flat=flat,
         bulges=bulges,
+        plane_of=flatsheet.planes_of(searched),
         still=still,
         mirrors=mirrors,
     )

@@ -75,4 +75,4 @@ def images_of(
         free=free,
         flush=seen.touches if flush else None,
     )
-    return *problems.images_of(problem, answer), mi.Bool(reflected if free is None else reflected & free)
+    return *problems.images_of(problem, answer, by_plane=False), mi.Bool(reflected if free is None else reflected & free)

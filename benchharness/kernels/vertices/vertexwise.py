@@ -13,7 +13,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from benchharness.kernels import geometry, lanes, optics, passage, surroundings
+from benchharness.kernels import geometry, lanes, optics, passage, planes, surroundings
 from benchharness.kernels import pixels as spreading
 from benchharness.kernels.frozen import frozen
 from benchharness.kernels.types import Frame, Reflection, Vertices, View
@@ -22,6 +22,7 @@ from benchharness.kernels.vertices import (
     drawlist,
     edgeerror,
     exact,
+    flatsheet,
     higherorder,
     meshwalk,
     nearlist,
@@ -182,7 +183,10 @@ def _drawn(
     """A group of mirrors, solved and drawn."""
     choice, stock, part = None, seen.stock, dr.opaque(mi.UInt32, seen.objects + group[0])
     end = None if last is None else last.end
-    problem = replace(problem, part=part)
+    plane = seen.plane_of[group[0]] if len(group) == 1 else None
+    if plane is not None:
+        (plane,) = planes.placed([plane], frame.poses, [part])
+    problem = replace(problem, part=part, plane=plane)
     if stock is not None:
         old = None if last is None else last.choice
         if seen.near is None:
@@ -216,7 +220,10 @@ def _drawn(
         if problem.of_triangles is not None:
             owner = dr.gather(mi.UInt32, owner, pieces.piece_of)
             hider = hider.of(pieces.piece_of) if isinstance(hider, sight.Shadows) else hider
-    nearest = virtual.nearest(images, triangles, owner, target, one.drawing, hider)
+    drawing = one.drawing
+    if plane is not None:
+        drawing, hider = replace(drawing, rigid=True), flatsheet.Behind(plane)
+    nearest = virtual.nearest(images, triangles, owner, target, drawing, hider)
     return _Drawn(group, choice, problem, one, pixel, target, nearest, pieces)
 
 

@@ -106,7 +106,7 @@ def solved(
         back = None
         if mesh.closed and not mesh.convex:
             back = virtual.nearest_back(frame.proxies[i], frame.poses, problem.part, frame.view)
-    whole = mesh.convex and drawing.hidden == "cut"
+    whole = (mesh.convex or problem.plane is not None) and drawing.hidden == "cut"
     return vertexwise.Solved(find(problem, last), drawing, hider, back, whole, own=own, further=find)
 
 
