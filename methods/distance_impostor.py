@@ -7,9 +7,9 @@ looks up that direction (`kernels.images.distancemap`). So what is near is in it
 `search = "iterate"` is the iteration of 2005: a guess that is exact where start and end of the ray see the same plane, then
 false position. It finds some point where the ray passes behind what the map sees, not always the first. "march" takes steps
 along the ray until it passes behind, then secants between the last two (Umenhoffer, Patow, Szirmay-Kalos 2007): the first
-such point, but for what is thinner than a step. With one layer, what the centre does not see is not there, and rays behind it end
-on a skin between an outline and what lies beyond it. With several `layers`, each shows what comes next behind the one before it,
-and a march goes through all of them (`kernels.images.layered`); a thing that is closed takes two, its front and its back.
+such point, but for what is thinner than a step. With one layer, what the centre does not see is not there, and rays behind it
+end on a skin between an outline and what lies beyond it. With several `layers`, each shows what comes next behind the one
+before it, and a march goes through all of them (`kernels.images.layered`); what is closed takes two, its front and its back.
 Highlights are those that the reflector's centre sees.
 
 Doubted:
@@ -60,7 +60,7 @@ class DistanceImpostor(Method):
     iterations  of false position, after its first guess
     steps       of a march, at most; none is shorter than a texel
     mip         trilinear lookup in a mip pyramid; else bilinear in the finest level. Distances are always of the finest
-    layers      surfaces behind one another in each direction, of which the centre sees the first; more than one for "march" alone
+    layers      surfaces behind one another in each direction, of which the centre sees the first; above 1 for "march" alone
     """
 
     resolution: Annotated[int, Field(ge=4, le=4096)] = 256

@@ -8,18 +8,18 @@ place, where the mirror is; they are not pictures of the reflection, between whi
 * where they are: at regular places of each mirror's box, about as dense along all its sides, since the points that reflect are
   there, and nothing else stands there; taken anew by `update`, so that the area moves with its mirror, and things may move too
 * with which weights: linear ones along the three axes, of the eight maps around the reflection point
-* what is interpolated (`kernels.images.morph`). `morph = False`, the least that the sentence can mean, blends what all eight show in
-  the ray's own direction: midway, what is near is there up to eight times. With `morph` their pictures are brought to the
+* what is interpolated (`kernels.images.morph`). `morph = False`, the least that the sentence can mean, blends what all eight
+  show in the ray's own direction: what is near is there up to eight times. With `morph` their pictures are brought to the
   reflection point first, by the distances that they have along the ray.
 
-Exact at a map's own place, and where all is far. With `morph`, also where the eight maps see one plane, along the ray and where it
-ends. Else what is shown is off by as much as the maps disagree: that falls at least with the square of their spacing where the
-surroundings are smooth, and does not at outlines, where one map sees something near and another what is behind it. Rays that meet
-the mirror again and other mirrors, which are black in a map, are as in an environment map. Highlights are those that the maps'
-places see, blended.
+Exact at a map's own place, and where all is far. With `morph`, also where the eight maps see one plane, along the ray and where
+it ends. Else what is shown is off by as much as the maps disagree: that falls at least with the square of their spacing where
+the surroundings are smooth, and does not at outlines, where one map sees something near and another what is behind. Rays that
+meet the mirror again and other mirrors, which are black in a map, are as in an environment map. Highlights are those that the
+maps' places see, blended.
 
-Doubted, as in `probe_blend`, is a pixel of which more than a fifth is shown by maps that themselves say that it lies beside the ray
-(`kernels.images.parallax`). Of a blend no one distance is right: given is that of the surface with the largest share.
+Doubted, as in `probe_blend`, is a pixel of which more than a fifth is shown by maps that themselves say that it lies beside the
+ray (`kernels.images.parallax`). Of a blend no one distance is right: given is that of the surface with the largest share.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from benchharness.scene import Scene
 @dataclass(frozen=True)
 class ReflectionMorph(Method):
     """
-    samples     maps along the longest side of a mirror's box, and as many along the others as makes cells about cubes, at least one
+    samples     maps along the longest side of a mirror's box, and as many along the others as makes cells about cubes
     morph       pictures of maps are brought to the reflection point before they are blended
     resolution  texels per edge of a cube face, a power of two
     mip         trilinear lookup in a mip pyramid; else bilinear in the finest level. Distances are always of the finest

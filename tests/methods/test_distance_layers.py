@@ -199,7 +199,7 @@ def hidden_by_balls(found: Answer) -> np.ndarray:
 
 
 def test_among_balls_layers_show_what_they_hide_and_doubt_the_rest():
-    """Two in a hundred pixels show what balls hide from the middle. One layer has none of them; what several miss is at outlines."""
+    """Two in a hundred pixels show what balls hide from the middle. One layer has none; what several miss is at outlines."""
     truth = Truth(mirror_room())
     hidden = hidden_by_balls(truth.answer)
     assert hidden.sum() > 50

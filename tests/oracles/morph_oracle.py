@@ -43,7 +43,7 @@ def places(low: np.ndarray, high: np.ndarray, counts: tuple[int, int, int]) -> n
 
 
 def weights(p: np.ndarray, low: np.ndarray, high: np.ndarray, counts: tuple[int, int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Of every map for points p [M, 3], [M, N] each: held at those of the outermost maps beyond them, and going on in a line."""
+    """Of every map for points p [M, 3], [M, N] each: held beyond the outermost maps, and going on in a line there."""
     held, straight = np.ones((len(p), 1)), np.ones((len(p), 1))
     for axis in range(3):
         at = along(low[axis], high[axis], counts[axis])
@@ -65,8 +65,8 @@ def _line(x: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 @dataclass
 class Shown:
-    """Per ray: the blended point [M, 3]; of the maps around it, how far the farthest sees along the ray, over the nearest [M]; and
-    the points that they show [M, N, 3], which `used` [M, N] have a share in."""
+    """Per ray: the blended point [M, 3]; how far maps see along it, over the nearest of those around it [M, N]; and the points
+    that they show [M, N, 3], which `used` [M, N] have a share in."""
 
     point: np.ndarray
     ratio: np.ndarray
@@ -81,11 +81,14 @@ def shown(
     seen = np.stack([room.first_hit(np.broadcast_to(c, p.shape), r) for c in at], axis=1)
     around = straight != 0
     nearest, farthest = np.where(around, seen, np.inf).min(axis=1), np.where(around, seen, 0).max(axis=1)
-    line, mean = (straight * seen).sum(axis=1), 1 / (held / seen).sum(axis=1)
+    line = (straight * seen).sum(axis=1)
+    close = around & (seen < 3.2 * nearest[:, None])
+    weight = (held * close).sum(axis=1)
+    mean = np.where(weight > 0, (held * close * seen).sum(axis=1) / np.where(weight > 0, weight, 1), nearest)
     t = np.where(farthest < 3.2 * nearest, np.maximum(line, 0), mean)
     points = np.empty((len(p), len(at), 3))
     for k, c in enumerate(at):
         v = p + t[:, None] * r - c if morph else r
         v = v / np.linalg.norm(v, axis=1, keepdims=True)
         points[:, k] = c + room.first_hit(np.broadcast_to(c, p.shape), v)[:, None] * v
-    return Shown((held[:, :, None] * points).sum(axis=1), farthest / nearest, points, held > 0)
+    return Shown((held[:, :, None] * points).sum(axis=1), seen / nearest[:, None], points, held > 0)

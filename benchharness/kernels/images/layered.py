@@ -82,8 +82,8 @@ def taken(state: probe.State, poses: mi.Float, resolution: int, count: int, *, m
 
 
 def filled(texels: mi.Float, nearer: mi.Float, count: int) -> mi.Float:
-    """A layer within walls: where there is nothing in it, the colour is that of the layer before, still at no distance. So what is
-    behind a thing goes on beside it, and texels along its outline are not mixed with surroundings that nobody sees."""
+    """A layer within walls: where there is nothing in it, the colour is that of the layer before, still at no distance. So what
+    is behind a thing goes on beside it, and texels along its outline are not mixed with surroundings that nobody sees."""
     lane = dr.arange(mi.UInt32, count)
     own, other = (dr.gather(mi.Vector4f, values, lane) for values in (texels, nearer))
     return packets.stored(dr.select(own.w > 0, own, mi.Vector4f(other.x, other.y, other.z, 0)), count)

@@ -3,15 +3,16 @@
 A mirror's box, along its walls or the main axes of its vertices (`kernels.images.roombox.settled`), is cut into cells that are
 about cubes, with a map in the middle of each, of everything but the mirror. A reflected ray that starts at p is shown by the
 eight maps around p, with the weights w_i of linear interpolation along three axes; beyond the outermost maps, by those. Their
-pictures are brought to p before they are blended (view interpolation, Chen and Williams 1993): the map at c_i sees as far as D_i
-along the ray's own direction r, the ray is taken to end after
+pictures are brought to p before they are blended (view interpolation, Chen and Williams 1993): the map at c_i sees as far as
+D_i along the ray's own direction r, the ray is taken to end after
 
     t = sum w_i D_i
 
 and every map is looked up where that is, in the direction p + t r - c_i. Of a plane D is linear in c: where all eight see one
-plane along r, t is exact, with weights that go on linearly beyond the outermost maps, too. Such maps differ by no more than a plane
-that touches the box allows. Where they differ by more, or some see the surroundings, t is the harmonic mean with the colours'
-weights, and no map needs to be right.
+plane along r, t is exact, with weights that go on linearly beyond the outermost maps, too. Such maps differ by no more than a
+plane that touches the box allows. Where they differ by more, or some see the surroundings, t is the mean of
+those that see something near: if the ray meets that, all maps are looked up there. If it does not, they show what is behind that
+point, to all sides of what they should, which is right in the mean where that is smooth.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from benchharness.kernels.images import distancemap, parallax, probe, probegrid,
 from benchharness.kernels.types import SceneLike, View
 
 AGREE = 3.2
-"""Times: along a ray a plane that does not cut the box is at most three times as far from one map of a cell as from another, since
+"""Times: along a ray a plane that does not cut the box is at most three times as far from one map of a cell as from another, as
 maps stand half a cell from the box's sides; and what is between texels."""
 LEAST = 1e-3  # of how far the nearest of the maps sees: a ray goes at least so far
 FARTHEST = 1e12  # units: what sees nothing, in a comparison of distances
@@ -243,23 +244,33 @@ def length(grid: Grid, cell: Cell, r: mi.Vector3f, active: mi.Bool) -> mi.Float:
     """How far a ray along r is taken to go, inf to the surroundings."""
     stride = 6 * (grid.distances.n + 2) ** 2
     depth = dr.maximum(dr.maximum(dr.abs(r.x), dr.abs(r.y)), dr.abs(r.z))
-    k, near, straight, nearest, farthest = mi.UInt32(0), mi.Float(0), mi.Float(0), mi.Float(FARTHEST), mi.Float(0)
+    k, straight, nearest, farthest = mi.UInt32(0), mi.Float(0), mi.Float(FARTHEST), mi.Float(0)
     while dr.hint(active & (k < 8), label="ask how far maps see"):
-        number, share, stretch = corner(grid, cell, k)
+        number, _, stretch = corner(grid, cell, k)
         asked = active & (stretch != 0)
         inverse = depth * distancemap.seen(replace(grid.distances, first=number * stride), r, asked)
         away = dr.rcp(dr.maximum(inverse, 1 / FARTHEST))
-        near += share * inverse
         straight += dr.select(asked, stretch * away, 0)
         nearest = dr.select(asked, dr.minimum(nearest, away), nearest)
         farthest = dr.select(asked, dr.maximum(farthest, away), farthest)
         k += 1
-    t = dr.select(farthest <= AGREE * nearest, dr.maximum(straight, LEAST * nearest), dr.rcp(dr.maximum(near, 1 / FARTHEST)))
-    return dr.select(near > 0, t, dr.inf)
+    limit, near, total = AGREE * nearest, mi.Float(0), mi.Float(0)
+    k = mi.UInt32(0)
+    while dr.hint(active & (farthest > limit) & (k < 8), label="ask again those that see something near"):
+        number, share, stretch = corner(grid, cell, k)
+        asked = active & (stretch != 0)
+        inverse = depth * distancemap.seen(replace(grid.distances, first=number * stride), r, asked)
+        counts = asked & (inverse * limit >= 1)
+        near += dr.select(counts, share * dr.rcp(dr.select(counts, inverse, 1)), 0)
+        total += dr.select(counts, share, 0)
+        k += 1
+    mean = dr.select(total > 0, near * dr.rcp(dr.select(total > 0, total, 1)), nearest)
+    t = dr.select(farthest <= limit, dr.maximum(straight, LEAST * nearest), mean)
+    return dr.select(nearest < 0.5 * FARTHEST, t, dr.inf)
 
 
 def turned(differential: RayDifferential, x: mi.Vector3f, r: mi.Vector3f, t: mi.Float) -> mi.Float:
-    """By how much the direction from a map to x + t r turns from one pixel to the next, radians: that of rays as long as this."""
+    """By how much the direction from a map to x + t r turns from one pixel to the next, radians, as if all were as long."""
     met = dr.isfinite(t)
     far = dr.select(met, t, 0)
     across = [dr.norm(dp + far * dd) for dp, dd in zip(differential.dp, differential.dd, strict=True)]

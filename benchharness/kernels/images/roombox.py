@@ -85,8 +85,8 @@ def around(meshes: Sequence[tuple[np.ndarray, np.ndarray]]) -> HostBox:
 
 
 def settled(vertices: np.ndarray, faces: np.ndarray) -> HostBox:
-    """The box around one mesh; where it has no walls and its vertices are about as far spread in several directions, of those the
-    ones next to the coordinate axes, which rounding would choose otherwise."""
+    """The box around one mesh. Where it has no walls, and its vertices are about as far spread in several directions, along
+    those that are next to the coordinate axes: rounding would choose otherwise."""
     box = around([(vertices, faces)])
     if box.walled:
         return box
