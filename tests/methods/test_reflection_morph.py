@@ -112,8 +112,10 @@ def test_of_any_ray_it_shows_what_closed_forms_do(moved, counts):
     told = expected(OCCUPIED, LOW, HIGH, counts, p, r, moved=moved)
     sure = np.abs(told.ratio - 3.2).min(axis=1) > 0.1
     assert (told.ratio[sure].max(axis=1) > 3.3).sum() > 10
-    off = apart(blended(gridded(OCCUPIED, LOW, HIGH, counts), p, r, moved=moved), told.point)[sure]
-    assert np.median(off) < 2e-3 and np.quantile(off, 0.85) < 0.02
+    off = apart(blended(gridded(OCCUPIED, LOW, HIGH, counts), p, r, moved=moved), told.point)
+    assert np.median(off[sure]) < 2e-3 and np.quantile(off[sure], 0.85) < 0.02
+    # And where maps disagree along the ray, of which more end at edges.
+    assert np.median(off[sure & (told.ratio.max(axis=1) > 3.3)]) < 0.05
 
 
 def test_where_maps_see_one_plane_a_morph_is_exact_and_a_blend_is_not():

@@ -10,9 +10,9 @@ D_i along the ray's own direction r, the ray is taken to end after
 
 and every map is looked up where that is, in the direction p + t r - c_i. Of a plane D is linear in c: where all eight see one
 plane along r, t is exact, with weights that go on linearly beyond the outermost maps, too. Such maps differ by no more than a
-plane that touches the box allows. Where they differ by more, or some see the surroundings, t is the mean of
-those that see something near: if the ray meets that, all maps are looked up there. If it does not, they show what is behind that
-point, to all sides of what they should, which is right in the mean where that is smooth.
+plane that touches the box allows. Where they differ by more, or some see the surroundings, t is the mean of those that see
+something near: if the ray meets that, all maps are looked up there. If it does not, they show what is behind that point, to all
+sides of what they should, which is right in the mean where that is smooth.
 """
 
 from __future__ import annotations
