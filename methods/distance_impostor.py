@@ -7,13 +7,15 @@ looks up that direction (`kernels.images.distancemap`). So what is near is in it
 `search = "iterate"` is the iteration of 2005: a guess that is exact where start and end of the ray see the same plane, then
 false position. It finds some point where the ray passes behind what the map sees, not always the first. "march" takes steps
 along the ray until it passes behind, then secants between the last two (Umenhoffer, Patow, Szirmay-Kalos 2007): the first
-such point, but for what is thinner than a step. Without further layers: what the centre does not see is not there, and rays
-behind it end on a skin between an outline and what lies beyond it. Highlights are those that the reflector's centre sees.
+such point, but for what is thinner than a step. With one layer, what the centre does not see is not there, and rays behind it
+end on a skin between an outline and what lies beyond it. With several `layers`, each shows what comes next behind the one
+before it, and a march goes through all of them (`kernels.images.layered`); what is closed takes two, its front and its back.
+Highlights are those that the reflector's centre sees.
 
 Doubted:
 * where the search has not closed in: the point that is shown lies more than two pixels beside the ray
 * where depth jumps between the texels around the point: an outline, or a skin
-* rays that start behind what the map sees
+* rays that start behind what the map sees; of several layers, those that pass through none of them, or close by where one ends
 * where a march over every texel ends elsewhere, more than two pixels away as seen from the centre: something lies before
 * where half a texel is wider than two pixels
 * as in an environment map: what lies beyond a hollow of the mirror that is met again (`kernels.selfmet`); in a scene of several
@@ -33,7 +35,7 @@ from benchharness.api import Frame, Knob, Method, Reflection, View
 from benchharness.kernels import cubemap, differentials, passage, selfmet
 from benchharness.kernels.differentials import FirstHits, RayDifferential
 from benchharness.kernels.frozen import frozen
-from benchharness.kernels.images import distancemap, probe
+from benchharness.kernels.images import distancemap, layered, probe
 from benchharness.kernels.pixels import WRONG_PX
 from benchharness.scene import Scene
 
@@ -43,10 +45,11 @@ SURE = 1024  # steps of a march that says whether the first point was found; no 
 
 @dataclass
 class State:
-    """The reflectors' maps, and how far each of them sees."""
+    """The reflectors' maps, and how far each of them sees; their layers, none where there is one for each."""
 
     taken: probe.State
     distances: list[distancemap.DistanceMap]
+    layers: list[layered.Layers]
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,7 @@ class DistanceImpostor(Method):
     iterations  of false position, after its first guess
     steps       of a march, at most; none is shorter than a texel
     mip         trilinear lookup in a mip pyramid; else bilinear in the finest level. Distances are always of the finest
+    layers      surfaces behind one another in each direction, of which the centre sees the first; above 1 for "march" alone
     """
 
     resolution: Annotated[int, Field(ge=4, le=4096)] = 256
@@ -64,11 +68,13 @@ class DistanceImpostor(Method):
     iterations: Annotated[int, Field(ge=0, le=64)] = 6
     steps: Annotated[int, Field(ge=1, le=4096)] = 64
     mip: bool = True
+    layers: Annotated[int, Field(ge=1, le=8)] = 1
 
     knobs: ClassVar[tuple[Knob, ...]] = (
         Knob("resolution", (16, 32, 64, 128, 256, 512)),
         Knob("iterations", (0, 1, 2, 4, 8), {"search": "iterate"}),
         Knob("steps", (4, 16, 64, 256), {"search": "march"}),
+        Knob("layers", (1, 2, 4), {"search": "march"}),
     )
     family: ClassVar[str] = "maps and proxies"
     paper: ClassVar[str] = "Szirmay-Kalos et al. 2005; Umenhoffer, Patow, Szirmay-Kalos 2007"
@@ -85,28 +91,43 @@ class DistanceImpostor(Method):
     def __post_init__(self) -> None:
         if self.resolution & (self.resolution - 1):
             raise ValueError(f"distance_impostor: resolution is {self.resolution}; accepted: a power of two, such as 256")
+        if self.layers > 1 and self.search != "march":
+            raise ValueError(f"distance_impostor: layers is {self.layers}; accepted: 1, or search = 'march'")
 
     def prepare(self, scene: Scene) -> State:
-        return State(probe.begun(scene), [])
+        return State(probe.begun(scene), [], [])
 
     def update(self, state: State, frame: Frame) -> State:
         taken = probe.updated(state.taken, frame.poses, self.resolution, mip=self.mip)
-        return State(taken, [distancemap.of_map(one.map.texels, self.resolution) for one in taken.probes])
+        if self.layers > 1:
+            return State(taken, [], layered.taken(taken, frame.poses, self.resolution, self.layers, mip=self.mip))
+        return State(taken, [distancemap.of_map(one.map.texels, self.resolution) for one in taken.probes], [])
 
     def shade(self, state: State, frame: Frame) -> tuple[Reflection, State]:
         hits = FirstHits(frame.p, frame.n, frame.reflector)
         how = self.search, self.iterations, self.steps
         L, distance, doubt = _looked_up(
-            state.taken.probes, state.distances, frame.view, hits, frame.active, how, doubts=frame.doubts
+            state.taken.probes, state.distances, state.layers, frame.view, hits, frame.active, how, doubts=frame.doubts
         )
         found = frame.active & ~(passage.walled(state.taken.enclosed, frame.reflector) & (distance == dr.inf))
         return Reflection(L, distance, found, doubt=doubt if frame.doubts else None), state
+
+
+@dataclass
+class _End:
+    """Where a search has ended: the point, the maps that it is looked up in, and whether there is reason to doubt it."""
+
+    spot: distancemap.Spot
+    map: cubemap.Pyramid
+    seen: distancemap.DistanceMap
+    unsure: mi.Bool
 
 
 @frozen
 def _looked_up(
     probes: list[probe.Probe],
     distances: list[distancemap.DistanceMap],
+    layers: list[layered.Layers],
     view: View,
     hits: FirstHits,
     active: mi.Bool,
@@ -119,34 +140,51 @@ def _looked_up(
     p, n = hits.p, hits.n
     r, differential, bends = differentials.reflected(hits, view)
     value, distance, doubt = mi.Vector4f(0), mi.Float(0), mi.Bool(False)
-    for i, (taken, seen) in enumerate(zip(probes, distances, strict=True)):
-        own, map, box = active & (hits.reflector == i), taken.map, taken.box
+    for i, taken in enumerate(probes):
+        own, box = active & (hits.reflector == i), taken.box
+        known = layers[i] if layers else distances[i]
         of = distancemap.ray(mi.Vector3f(p - taken.place), r)
-        if search == "march":
-            end = distancemap.march(seen, of, steps, iterations, own)
-        else:
-            end = distancemap.iterate(seen, of, iterations, own)
+        end = _followed(taken, known, of, how, own)
         d = distancemap.direction(of, end.spot)
         turn = _turn(differential, of, end.spot)
-        value = dr.select(own, probe.far(map, d, turn, own), value)
+        value = dr.select(own, probe.far(end.map, d, turn, own), value)
         length = distancemap.length(of, end.spot)
         # At infinity where the map sees something: a ray that was lost, which shows what an environment map does.
         length = dr.select((length == dr.inf) & (value.w > 0), dr.rcp(dr.select(value.w > 0, value.w, 1)), length)
         distance = dr.select(own, length, distance)
         if not doubts:
             continue
-        doubt |= end.hidden | (own & (_beside(differential, of, end.spot) > WRONG_PX))
-        doubt |= own & distancemap.is_edge(seen, d, own)
+        doubt |= end.unsure | (own & (_beside(differential, of, end.spot) > WRONG_PX))
+        doubt |= own & distancemap.is_edge(end.seen, d, own)
         doubt |= own & (distance > selfmet.away(p, n, r, differential.dp, bends, box, own))
-        doubt |= own & (WRONG_PX * turn * map.n < 1)
+        doubt |= own & (WRONG_PX * turn * taken.map.n < 1)
         if len(probes) > 1:
-            sharp = cubemap.lookup_mip(map, d, mi.Float(0), own)
+            sharp = cubemap.lookup_mip(end.map, d, mi.Float(0), own)
             doubt |= own & (sharp.w > 0) & (dr.max(sharp.xyz) <= 0)
         if search == "iterate" or steps < SURE:
-            first = distancemap.march(seen, of, SURE, iterations, own)
+            first = _followed(taken, known, of, ("march", iterations, SURE), own)
             apart = dr.norm(dr.normalize(distancemap.direction(of, first.spot)) - dr.normalize(d))
             doubt |= own & (apart > WRONG_PX * dr.maximum(turn, _turn(differential, of, first.spot)))
     return mi.Color3f(value.x, value.y, value.z), distance, doubt
+
+
+def _followed(
+    taken: probe.Probe,
+    known: distancemap.DistanceMap | layered.Layers,
+    of: distancemap.Ray,
+    how: tuple[Search, int, int],
+    active: mi.Bool,
+) -> _End:
+    """The end of rays in a mirror's map, or in its layers."""
+    search, iterations, steps = how
+    if isinstance(known, layered.Layers):
+        met = layered.march(known, of, steps, iterations, active)
+        return _End(met.spot, *known.at(met.layer), met.lost | met.beside)
+    if search == "march":
+        found = distancemap.march(known, of, steps, iterations, active)
+    else:
+        found = distancemap.iterate(known, of, iterations, active)
+    return _End(found.spot, taken.map, known, found.hidden)
 
 
 def _turn(differential: RayDifferential, of: distancemap.Ray, spot: distancemap.Spot) -> mi.Float:

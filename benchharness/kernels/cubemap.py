@@ -58,6 +58,7 @@ def capture(
     near: mi.Float,
     around: surroundings.Surroundings,
     beyond: mi.Float | None = None,
+    behind: mi.Float | None = None,
 ) -> mi.Float:
     """The scene around `centre`, and as seen from there: 4 floats per texel, [6, n + 2, n + 2].
 
@@ -66,6 +67,7 @@ def capture(
     near       metres; what is nearer to the centre along the axis of a face is not drawn
     around     what is seen where nothing else is
     beyond     metres; what is nearer to the centre than this is not drawn, even if it is a part of a triangle; None: all is
+    behind     1 / depth along the axis of each face, [6, n + 2, n + 2]; what is nearer than that is not drawn; None: all is
     """
     count = (n + 2) * (n + 2)
     texels = dr.empty(mi.Float, 4 * 6 * count)
@@ -75,6 +77,8 @@ def capture(
         limit = None
         if beyond is not None:
             limit = depths.nearness(view, beyond * dr.rcp(dr.norm(raster.ray_through(view, lane))))
+        if behind is not None:
+            limit = dr.gather(mi.Float, behind, lane + face * count)
         visibility = raster.rasterize(triangles.points, triangles.faces, triangles.face_count, view, limit=limit, drawn=drawn)
         seen = shown.at(triangles, visibility, around, view, lane)
         L, inverse = seen.value, dr.select(seen.hit, dr.rcp(dr.norm(seen.p - centre)), 0)

@@ -120,12 +120,13 @@ def test_where_the_scene_ends_its_surroundings_are_shown_at_infinity(name):
     far = expected.mask & answer.active & np.isinf(expected.distance)
     assert answer.found[answer.active].all()
     assert not np.isnan(answer.distance[answer.active]).any()
-    # The environment map shows the balls elsewhere, eight blended ones at eight places each; the sky is the most of the picture
-    # in any case.
+    # The environment map shows the balls elsewhere, eight blended ones at up to eight places each; the sky is the most of the
+    # picture in any case.
     sky_seen = np.isinf(answer.distance) & far
-    assert sky_seen.sum() > (0.6 if name == "probe_blend" else 0.9) * far.sum()
+    assert sky_seen.sum() > (0.6 if name in ("probe_blend", "reflection_morph") else 0.9) * far.sum()
     np.testing.assert_allclose(answer.L[sky_seen], np.tile((0.1, 0.2, 0.4), (sky_seen.sum(), 1)), atol=0.05)
-    assert (answer.L[answer.active].max(axis=1) > 0.7).sum() > 50  # and the balls are there
+    # And the balls are there; half of eight maps that are half a metre apart see them.
+    assert (answer.L[answer.active].max(axis=1) > (0.5 if name == "reflection_morph" else 0.7)).sum() > 50
 
 
 # Ray tracing

@@ -32,6 +32,18 @@ class Room:
         met = (b * b > c) & (b < 0) & (self.radius > 0)
         return np.where(met, -b - np.sqrt(np.where(met, b * b - c, 0)), t)
 
+    def surfaces(self, v: np.ndarray) -> np.ndarray:
+        """Distances from the middle of all that lies in directions v [N, 3], one behind the other, [N, 3]; inf for none."""
+        unit = v / np.linalg.norm(v, axis=1, keepdims=True)
+        with np.errstate(divide="ignore"):
+            wall = np.where(unit == 0, np.inf, np.where(unit > 0, self.high, self.low) / unit).min(axis=1)
+        nearest = unit @ self.ball
+        beside = self.ball - nearest[:, None] * unit
+        chord = np.sqrt(np.maximum(self.radius**2 - (beside**2).sum(axis=1), 0))
+        met = (chord > 0) & (nearest > 0)
+        ends = np.where(met[:, None], np.stack([nearest - chord, nearest + chord], axis=1), np.inf)
+        return np.sort(np.column_stack([ends, wall]), axis=1)
+
     def seen(self, v: np.ndarray) -> np.ndarray:
         """Distances from the middle in directions v [N, 3] of any length."""
         unit = v / np.linalg.norm(v, axis=1, keepdims=True)

@@ -36,11 +36,15 @@ AT_CENTRE = 1e-6  # metres: a ray starts at least so far from the centre
 @dataclass
 class DistanceMap:
     """1 / depth along the axis of each face, 0 for the surroundings; Float [6, n + 2, n + 2] as `kernels.cubemap` has it.
-    first: the texel at which the map begins, among others of its size in the same buffer."""
+
+    first    the texel at which the map begins, among others of its size in the same buffer
+    stepped  texels between whose depths there is an edge are not joined by a skin: each is as wide as a texel
+    """
 
     nearness: mi.Float
     n: int
     first: mi.UInt32 | int = 0
+    stepped: bool = False
 
 
 @dataclass
@@ -117,17 +121,30 @@ def corners(map: DistanceMap, d: mi.Vector3f, active: mi.Bool | bool) -> tuple[l
     return [dr.gather(mi.Float, map.nearness, texel, active) for texel in texels], fx, fy
 
 
+def seen(map: DistanceMap, d: mi.Vector3f, active: mi.Bool | bool) -> mi.Float:
+    """1 / depth in direction d, along the axis of its face."""
+    values, fx, fy = corners(map, d, active)
+    one, two, three, four = values
+    smooth = dr.lerp(dr.lerp(one, two, fx), dr.lerp(three, four, fx), fy)
+    if not map.stepped:
+        return smooth
+    nearest = dr.select(fy < 0.5, dr.select(fx < 0.5, one, two), dr.select(fx < 0.5, three, four))
+    return dr.select(_jumps(values), nearest, smooth)
+
+
 def at(map: DistanceMap, of: Ray, t: mi.Float, s: mi.Float, active: mi.Bool | bool) -> Spot:
     """The point of a ray at t and s."""
     m = dr.fma(s, of.start, t * of.way)
-    (a, b, c, d), fx, fy = corners(map, m, active)
     depth = dr.maximum(dr.maximum(dr.abs(m.x), dr.abs(m.y)), dr.abs(m.z))
-    return Spot(t, s, depth * dr.lerp(dr.lerp(a, b, fx), dr.lerp(c, d, fx), fy) - s)
+    return Spot(t, s, depth * seen(map, m, active) - s)
 
 
 def is_edge(map: DistanceMap, d: mi.Vector3f, active: mi.Bool | bool) -> mi.Bool:
     """Whether the depths of the four texels around direction d jump."""
-    values, _, _ = corners(map, d, active)
+    return _jumps(corners(map, d, active)[0])
+
+
+def _jumps(values: list[mi.Float]) -> mi.Bool:
     nearest, farthest = dr.maximum(*values[:2]), dr.minimum(*values[:2])
     for value in values[2:]:
         nearest, farthest = dr.maximum(nearest, value), dr.minimum(farthest, value)
@@ -141,27 +158,28 @@ def iterate(map: DistanceMap, of: Ray, iterations: int, active: mi.Bool) -> Foun
     """
     start, end = (at(map, of, mi.Float(t), mi.Float(1 - t), active) for t in (0, 1))
     behind = start.f > TOUCHING
-    return Found(false_position(map, of, _either(behind, end, start), end, iterations, active), active & (start.f > CLOSE))
+    return Found(false_position(map, of, either(behind, end, start), end, iterations, active), active & (start.f > CLOSE))
 
 
 @dr.syntax
 def false_position(map: DistanceMap, of: Ray, low: Spot, high: Spot, iterations: int, active: mi.Bool) -> Spot:
     """The point between `low`, in front of what is seen, and `high`, behind it, that is neither."""
-    spot = _between(map, of, low, high, active)
+    spot = between(map, of, low, high, active)
     k = mi.UInt32(0)
     while dr.hint(active & (k < iterations) & (dr.abs(spot.f) > CLOSE * spot.s), label="false position"):
         short = spot.f < 0
-        low, high = _either(short, spot, low), _either(short, high, spot)
-        spot = _between(map, of, low, high, active)
+        low, high = either(short, spot, low), either(short, high, spot)
+        spot = between(map, of, low, high, active)
         k += 1
     return spot
 
 
-def _either(first: mi.Bool, one: Spot, two: Spot) -> Spot:
+def either(first: mi.Bool, one: Spot, two: Spot) -> Spot:
+    """Of two points of rays, lane by lane."""
     return Spot(dr.select(first, one.t, two.t), dr.select(first, one.s, two.s), dr.select(first, one.f, two.f))
 
 
-def _between(map: DistanceMap, of: Ray, low: Spot, high: Spot, active: mi.Bool) -> Spot:
+def between(map: DistanceMap, of: Ray, low: Spot, high: Spot, active: mi.Bool) -> Spot:
     """Where f would be 0 if it were linear in t; `low` where it does not rise from below 0."""
     rise = high.f - low.f
     share = dr.select(rise > 0, dr.clip(-low.f / dr.select(rise > 0, rise, 1), 0, 1), 0)
@@ -190,6 +208,6 @@ def march(map: DistanceMap, of: Ray, steps: int, iterations: int, active: mi.Boo
         high = at(map, of, mi.Float(k) * per_step, mi.Float(count - k) * per_step, active)
         passed = (low.f < 0) & (high.f >= 0)
     # A ray that never was in front: what its start or infinity sees, and no search.
-    lost = _either(start.f > TOUCHING, high, start)
-    low, high = _either(passed, low, lost), _either(passed, high, lost)
+    lost = either(start.f > TOUCHING, high, start)
+    low, high = either(passed, low, lost), either(passed, high, lost)
     return Found(false_position(map, of, low, high, iterations, active), active & (start.f > CLOSE))

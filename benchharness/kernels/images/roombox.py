@@ -22,6 +22,8 @@ CANDIDATES = 64  # ways to face that are tried, those of most area
 WALLS = 0.5  # of all area: what has less of it facing along its axes has no walls,
 SECOND = 0.05  # nor has what has less of it facing along the second of them
 THIN = 1e-3  # of a box's largest side: no side is shorter
+ALIKE = 0.05  # of the largest variance of vertices along an axis: variances that differ by less are the same
+TIE = 1e-6  # of an axis: projections that differ by less are as long
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,29 @@ def around(meshes: Sequence[tuple[np.ndarray, np.ndarray]]) -> HostBox:
     axes = _walls(corners)
     main = np.linalg.eigh(np.cov(vertices.T))[1].T
     return _bounds(vertices, main if axes is None else axes, walled=axes is not None)
+
+
+def settled(vertices: np.ndarray, faces: np.ndarray) -> HostBox:
+    """The box around one mesh. Where it has no walls, and its vertices are about as far spread in several directions, along
+    those that are next to the coordinate axes: rounding would choose otherwise."""
+    box = around([(vertices, faces)])
+    if box.walled:
+        return box
+    used = vertices[np.unique(faces)]
+    spread, main = np.linalg.eigh(np.cov(used.T))
+    axes, first = [], 0
+    while first < 3:
+        last = first + 1
+        while last < 3 and spread[last] - spread[last - 1] < ALIKE * spread[2]:
+            last += 1
+        within = main[:, first:last] @ main[:, first:last].T
+        for _ in range(first, last):
+            lengths = np.linalg.norm(within, axis=0) + TIE * np.array([2, 1, 0])
+            axis = within[:, lengths.argmax()] / np.linalg.norm(within[:, lengths.argmax()])
+            axes.append(axis)
+            within = within - np.outer(axis, axis)
+        first = last
+    return _bounds(used, np.array(axes), walled=False)
 
 
 def _bounds(vertices: np.ndarray, axes: np.ndarray, *, walled: bool) -> HostBox:

@@ -194,3 +194,20 @@ def test_places_within_closed_objects_are_left_out_and_those_in_rooms_and_behind
     grid, places = probegrid.planned(everywhere, 2, 0.5)
     np.testing.assert_allclose(places, 0, atol=1e-9)
     assert not np.array(probegrid.total_weight(grid, mi.Point3f(0.1, 0, 0), mi.Bool(True))).any()
+
+
+def test_the_box_of_a_mirror_does_not_depend_on_how_it_is_numbered_and_lies_in_a_leaning_sheet():
+    """A ball is as wide in all directions, a square in two: there the coordinate axes are next."""
+    u = unit(np.array([1.0, 0.3, 0.2]))
+    v = unit(np.cross([0.2, -0.4, 1.0], u))
+    leaning = Mesh(np.array([a * u + b * v for a in (-1, 1) for b in (-1, 1)]), [[0, 2, 3], [0, 3, 1]])
+    ball = sphere(0.7, (0.2, 0.1, -0.3))
+    assert np.abs(roombox.settled(ball.vertices, ball.faces).axes).max(axis=1) == pytest.approx(1.0)
+    found = roombox.settled(leaning.vertices, leaning.faces)
+    assert found.half.min() == pytest.approx(1e-3 * found.half.max()) and np.ptp(found.half) < 1.5
+    assert abs(found.axes[found.half.argmin()] @ np.cross(u, v)) == pytest.approx(1.0)
+    for mesh in (ball, leaning):
+        order = RNG.permutation(len(mesh.vertices))
+        other = roombox.settled(mesh.vertices[order], np.argsort(order)[mesh.faces])
+        own = roombox.settled(mesh.vertices, mesh.faces)
+        np.testing.assert_allclose(np.abs(own.axes @ other.axes.T), np.eye(3), atol=1e-6)
