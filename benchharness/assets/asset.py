@@ -20,6 +20,16 @@ class Refused(ValueError):
     """A file that cannot be read right: which, what is in it, and what would be accepted."""
 
 
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of a file beside its meshes.
+
+    apart  whether what has a name of its own in it is parts of its own, where that is left open: objects and groups of OBJ
+    """
+
+    apart: bool = False
+
+
 @dataclass(frozen=True, eq=False)
 class Material:
     """What a surface looks like.
@@ -46,6 +56,7 @@ class Part:
     normals   float64 [V, 3], unit
     uv        float64 [V, 2], u to the right, v up, (0, 0) the lower left corner of the picture, its transform applied; or None
     colours   float64 [V, 3], linear RGB; or None
+    nodes     what it hangs on by name, from the top: nodes of glTF; objects and groups of OBJ where these were asked for
     """
 
     name: str
@@ -55,6 +66,7 @@ class Part:
     material: Material
     uv: np.ndarray | None = None
     colours: np.ndarray | None = None
+    nodes: tuple[str, ...] = ()
 
     def transformed(self, pose: np.ndarray) -> Part:
         """The part moved by an affine pose, float64 [4, 4], that does not mirror."""

@@ -10,24 +10,26 @@ from typing import Literal
 import numpy as np
 
 from benchharness.assets import gltf, obj, ply, stl
-from benchharness.assets.asset import Asset, Findings, Part, Refused
+from benchharness.assets.asset import Asked, Asset, Findings, Part, Refused
 
 Up = Literal["y", "z"]
+Reader = Callable[[Path, Findings, Asked], list[Part]]
 
-READERS: dict[str, tuple[Callable[[Path, Findings], list[Part]], Up]] = {
+READERS: dict[str, tuple[Reader, Up]] = {
     ".obj": (obj.read, "z"),
-    ".ply": (ply.read, "z"),
-    ".stl": (stl.read, "z"),
+    ".ply": (lambda path, findings, asked: ply.read(path, findings), "z"),
+    ".stl": (lambda path, findings, asked: stl.read(path, findings), "z"),
     ".glb": (gltf.read, "y"),
     ".gltf": (gltf.read, "y"),
 }
 """What reads files of an ending, and which axis is up in them: glTF says so itself, of others z is taken for it."""
 
 SUFFIXES = tuple(READERS)
+PLAINLY = Asked()
 UPRIGHT = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # y up -> z up: what was the front is at -y
 
 
-def read(path: Path, up: Up | None = None) -> Asset:
+def read(path: Path, up: Up | None = None, asked: Asked = PLAINLY) -> Asset:
     """The asset of a file. `up` is the axis that is up in it, if not its format's own.
 
     Raises Refused, with the file's name, for what cannot be read right.
@@ -37,7 +39,7 @@ def read(path: Path, up: Up | None = None) -> Asset:
     reader, usual = READERS[path.suffix.lower()]
     findings = Findings()
     try:
-        parts = reader(path, findings)
+        parts = reader(path, findings, asked)
     except Refused as error:
         raise Refused(f"{path.name} cannot be read: {error}") from None
     except Exception as error:  # whatever a broken file may lead to

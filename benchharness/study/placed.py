@@ -1,77 +1,27 @@
 """Mesh files of a scene's table, put in their place: as objects, one for each material, and as mirrors.
 
 A file is first brought to z up (`up`) and metres (`unit`), then scaled, turned about x, y, z in this order, and moved; or
-turned and then brought to a size and a place, whatever its own (`fit`).
+turned and then brought to a size and a place, whatever its own (`fit`). All of it is: what an entry takes of it, by the names
+of nodes and materials, stands where it stands in the whole.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from benchharness.assets import reading
-from benchharness.assets.asset import Asset, Part, Refused
+from benchharness.assets.asset import Asked, Asset, Part, Refused
 from benchharness.scene import Mesh, Object, Texture, merged
+from benchharness.study import plugins
+from benchharness.study.entries import ObjectTable, Place, Placed, Taken, Vector
 
-METRES = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 HUGE, TINY = 200.0, 0.005  # metres: what is larger or smaller is said, as it may be meant in another unit
 MOST_SAID = 12  # findings of one file
-
-
-def _metres(given: Any) -> Any:
-    """A unit's metres, if it is given by its name."""
-    if isinstance(given, str) and given not in METRES:
-        raise ValueError(f"{', '.join(METRES)}, or a number of metres")
-    return METRES[given] if isinstance(given, str) else given
-
-
-Coordinate = Annotated[float, Field(ge=-1e9, le=1e9)]
-Vector = tuple[Coordinate, Coordinate, Coordinate]
-Share = Annotated[float, Field(ge=0, le=1)]
-Positive = Annotated[float, Field(gt=0, le=1e9)]
-Radiance = Annotated[float, Field(ge=0, le=1e9)]
-Unit = Annotated[Positive, BeforeValidator(_metres)]
-
-
-class Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
-
-
-class Fit(Table):
-    """centre of the box around a file, and the length of this box's longest side, in metres"""
-
-    centre: Vector = (0.0, 0.0, 0.0)
-    size: Positive
-
-
-class Placed(Table):
-    """A file and where it is. `up` is the axis that is up in it: None is y for glTF, and z for all others."""
-
-    name: str
-    mesh: str
-    up: Literal["y", "z"] | None = None
-    unit: Unit = 1.0
-    scale: Positive = 1.0
-    rotate_deg: Vector = (0.0, 0.0, 0.0)
-    translate: Vector = (0.0, 0.0, 0.0)
-    fit: Fit | None = None
-
-
-class ObjectTable(Placed):
-    """albedo, emission: None is what the file has"""
-
-    shows: str = ""
-    albedo: tuple[Share, Share, Share] | None = None
-    emission: tuple[Radiance, Radiance, Radiance] | None = None
-
-
-class ReflectorTable(Placed):
-    closed: str | None = None
-    eta: tuple[Positive, Positive, Positive] | None = None
-    k: tuple[Radiance, Radiance, Radiance] | None = None
+MOST_NAMED = 40  # names of nodes or materials
 
 
 def read(path: Path, where: str, placed: Placed) -> Asset:
@@ -81,12 +31,64 @@ def read(path: Path, where: str, placed: Placed) -> Asset:
     if not path.is_file():
         raise ValueError(f"{where}: there is no file {path}; accepted: a path relative to the config")
     try:
-        return reading.read(path, placed.up)
+        return reading.read(path, placed.up, Asked(apart=placed.names_nodes()))
     except Refused as error:
         raise ValueError(f"{where}: {path.parent}/{error}") from None
 
 
-def pose(asset: Asset, placed: Placed, where: str) -> np.ndarray:
+class Files:
+    """The mesh files of a table, relative to a folder; each is read once for all entries that ask the same of it."""
+
+    def __init__(self, base: Path) -> None:
+        self.base = base
+        self._read: dict[Any, Asset] = {}
+
+    def asset(self, name: str, where: str, placed: Placed) -> Asset:
+        """See `read`."""
+        key = name, placed.up, placed.names_nodes()
+        if key not in self._read:
+            self._read[key] = read(self.base / name, where, placed)
+        return self._read[key]
+
+
+def taken(asset: Asset, entry: Placed, where: str) -> Asset:
+    """What an entry takes of a file. Raises ValueError for names that are not there, with those that are, and for nothing."""
+    parts = _those(asset, entry, where)
+    for number, left in enumerate(entry.without):
+        key = f"{where}.without[{number}]"
+        if left.node is None and left.material is None:
+            raise ValueError(f"{key} names nothing; accepted: node, material or both")
+        gone = _those(asset, left, key)
+        parts = [part for part in parts if part not in gone]
+    if not parts:
+        raise ValueError(f"{where} takes nothing of {asset.path.name}; accepted: a `without` that leaves some of it")
+    return replace(asset, parts=tuple(parts))
+
+
+def _those(asset: Asset, named: Taken, where: str) -> list[Part]:
+    """The parts of nodes and materials; all, where neither is named."""
+    nodes = dict.fromkeys(name for part in asset.parts for name in part.nodes)
+    materials = dict.fromkeys(part.material.name for part in asset.parts if part.material.name)
+    for key, asked, there in (("node", named.node, nodes), ("material", named.material, materials)):
+        for name in asked or []:
+            if name not in there:
+                raise ValueError(f"{where}.{key} of {asset.path.name}: {_unknown(name, list(there))}")
+    found = [part for part in asset.parts if named.node is None or not set(named.node).isdisjoint(part.nodes)]
+    found = [part for part in found if named.material is None or part.material.name in named.material]
+    if not found:
+        raise ValueError(f"{where}: no part of {asset.path.name} is of that node and that material; accepted: one of the two")
+    return found
+
+
+def _unknown(name: str, there: list[str]) -> str:
+    """What is said of a name that a file does not have."""
+    more = [f"and {len(there) - MOST_NAMED} more"] if len(there) > MOST_NAMED else []
+    near = plugins.did_you_mean(plugins.close(name, there))
+    accepted = ", ".join([*there[:MOST_NAMED], *more]) or "none, as nothing in it has a name"
+    return f"{name!r} is unknown{near}; accepted: {accepted}"
+
+
+def pose(asset: Asset, placed: Place, where: str) -> np.ndarray:
     """What takes a file's space to the scene's, float64 [4, 4]. Raises ValueError for a `fit` beside what it replaces."""
     turned = turn(placed.rotate_deg)
     out = np.eye(4)

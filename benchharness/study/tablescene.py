@@ -14,7 +14,8 @@ or refused; what was mended or left out is said. The scene is right-handed, z up
 `rotate_deg`, `translate` and `fit` bring files there (`benchharness.study.placed`). A file's own normals are kept; one without
 has the creases of its smoothing groups, or where its faces turn by more than 60 degrees. A file of several materials is an
 object for each, `name/material`, in the colours and with the pictures that the file has; `albedo` and `emission` replace these,
-and an albedo makes it one object. Edges of objects longer than `h_max` metres, by default a twenty-fifth of the diagonal
+and an albedo makes it one object. `node` and `material`, a name or a list, take only what is at or below such a node, or of
+such a material; `without = {material = "glass"}` leaves that out, so that one file can hold a room and its mirrors. Edges of objects longer than `h_max` metres, by default a twenty-fifth of the diagonal
 of the box around all objects, are split before anything else: light lives at vertices, and images of straight edges are curves
 that vertices follow. Objects do not move; the eye goes along `path` at even pace between its points.
 
@@ -37,7 +38,7 @@ from pydantic import Field, ValidationError
 from benchharness.modelling.winding import is_closed
 from benchharness.scene import Camera, Environment, Reflector, Scene, subdivided
 from benchharness.study import placed, plugins
-from benchharness.study.placed import Fit, ObjectTable, Positive, Radiance, ReflectorTable, Table, Vector
+from benchharness.study.entries import Fit, ObjectTable, Positive, Radiance, ReflectorTable, Table, Taken, Vector
 
 PANORAMAS = (".exr", ".hdr")
 SPLIT = 1 / 25  # of the diagonal of all objects: the longest edge, if nothing is said
@@ -65,6 +66,16 @@ class SceneTable(Table):
     h_max: Positive | None = None
 
 
+TABLES: dict[str, type[Table]] = {
+    "objects": ObjectTable,
+    "reflectors": ReflectorTable,
+    "camera": CameraTable,
+    "fit": Fit,
+    "without": Taken,
+}
+"""What a key of a table is itself, for who asks which keys it may have."""
+
+
 def validated(table: dict[str, Any], where: str) -> SceneTable:
     """The table, checked. Raises ValueError that names the key, its value and what would be accepted."""
     try:
@@ -73,9 +84,8 @@ def validated(table: dict[str, Any], where: str) -> SceneTable:
         error = failed.errors()[0]
     place = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in error["loc"])
     if error["type"] == "extra_forbidden":
-        sections = {"objects": ObjectTable, "reflectors": ReflectorTable, "camera": CameraTable}
-        model = sections[str(error["loc"][0])] if len(error["loc"]) > 1 else SceneTable
-        model = Fit if "fit" in error["loc"][:-1] else model
+        tables = [step for step in error["loc"][:-1] if isinstance(step, str)]
+        model = TABLES[tables[-1]] if tables else SceneTable
         above = place.rpartition(".")[0]
         raise ValueError(f"{where}{above}: key {plugins.unknown(list(error['loc'])[-1], model.model_fields)}")
     if error["type"] == "missing":
@@ -91,10 +101,12 @@ def build(name: str, table: SceneTable, base: Path, where: str) -> Scene:
 def built(name: str, table: SceneTable, base: Path, where: str) -> tuple[Scene, list[str]]:
     """The same, and sentences about what was mended of its files, or left out."""
     objects, reflectors, notes = [], [], []
+    files = placed.Files(base)
     for number, entry in enumerate(table.objects):
         key = f"{where}.objects[{number}]"
-        asset = placed.read(base / entry.mesh, f"{key}.mesh", entry)
+        asset = files.asset(entry.mesh, f"{key}.mesh", entry)
         at = placed.pose(asset, entry, key)
+        asset = placed.taken(asset, entry, key)
         found, said = _made(placed.objects, f"{key}.mesh: {base / entry.mesh}", asset, entry, at)
         objects += found
         notes += placed.notes("object", entry.name, asset, at, said)
@@ -102,13 +114,14 @@ def built(name: str, table: SceneTable, base: Path, where: str) -> tuple[Scene, 
         key = f"{where}.reflectors[{number}]"
         if (entry.eta is None) != (entry.k is None):
             raise ValueError(f"{key} has only one of eta and k; accepted: both (a conductor) or none (an ideal mirror)")
-        asset = placed.read(base / entry.mesh, f"{key}.mesh", entry)
+        asset = files.asset(entry.mesh, f"{key}.mesh", entry)
         at = placed.pose(asset, entry, key)
+        asset = placed.taken(asset, entry, key)
         mesh = _made(placed.mesh, f"{key}.mesh: {base / entry.mesh}", asset, at)
         notes += placed.notes("mirror", entry.name, asset, at, [])
         closed = None
         if entry.closed is not None:
-            around = placed.read(base / entry.closed, f"{key}.closed", entry)
+            around = files.asset(entry.closed, f"{key}.closed", entry)
             closed = _made(placed.mesh, f"{key}.closed: {base / entry.closed}", around, at)
             if not is_closed(closed):
                 raise ValueError(f"{key}.closed: {entry.closed} is not watertight; accepted: every edge has two faces")
