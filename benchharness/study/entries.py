@@ -58,6 +58,16 @@ class Place(Table):
     fit: Fit | None = None
 
 
+class Key(Table):
+    """Where a part is at a time: `translate` and `rotate_deg` as its entry has them, which holds for what a key does not say.
+    Beside a `fit` it is `centre`, about which the part is turned, too."""
+
+    time: Coordinate
+    translate: Vector | None = None
+    centre: Vector | None = None
+    rotate_deg: Vector | None = None
+
+
 class Placed(Place, Taken):
     """A file, what is taken of it, and where that is. `up` is the axis that is up in it: None is y for glTF, and z for all
     others."""
@@ -66,6 +76,7 @@ class Placed(Place, Taken):
     mesh: str
     up: Literal["y", "z"] | None = None
     without: Annotated[list[Taken], BeforeValidator(_listed)] = Field(default_factory=list)
+    keys: Annotated[list[Key], Field(min_length=1)] | None = None
 
     def names_nodes(self) -> bool:
         return any(taken.node is not None for taken in (self, *self.without))

@@ -14,10 +14,19 @@ or refused; what was mended or left out is said. The scene is right-handed, z up
 `rotate_deg`, `translate` and `fit` bring files there (`benchharness.study.placed`). A file's own normals are kept; one without
 has the creases of its smoothing groups, or where its faces turn by more than 60 degrees. A file of several materials is an
 object for each, `name/material`, in the colours and with the pictures that the file has; `albedo` and `emission` replace these,
-and an albedo makes it one object. `node` and `material`, a name or a list, take only what is at or below such a node, or of
-such a material; `without = {material = "glass"}` leaves that out, so that one file can hold a room and its mirrors. Edges of objects longer than `h_max` metres, by default a twenty-fifth of the diagonal
+and an albedo makes it one object. Edges of objects longer than `h_max` metres, by default a twenty-fifth of the diagonal
 of the box around all objects, are split before anything else: light lives at vertices, and images of straight edges are curves
-that vertices follow. Objects do not move; the eye goes along `path` at even pace between its points.
+that vertices follow.
+
+`node` and `material`, a name or a list, take of a file only what is at or below such a node, or of such a material, and
+`without = {material = "glass"}` leaves it out: one file can hold a room and its mirrors. Nodes of OBJ are its objects and
+groups.
+
+What has `keys = [{time = 0}, {time = 2, translate = [1, 0, 0], rotate_deg = [0, 0, 90]}]` moves, objects and mirrors: at a key
+it is where an entry without keys is that says the same (`benchharness.study.moving`). The eye goes along `path` at even pace
+between its points; or from key to key, `keys = [{time = 0, eye = [0, -4, 1.5], target = [0, 0, 1]}, ...]`, with `target`,
+`fov_deg` and `up` of the keys or of the camera. Times are seconds, frame i being at i / `fps`; all is held beyond the first key
+and the last. Light is that of time 0: shadows do not follow what moves.
 
 In place of `background`, `environment = "sky.exr"` names a panorama (latitude and longitude, EXR or HDR, linear) as it is
 photographed, straight up in its first row and +x at its left and right ends, +y a quarter from the right; taken at
@@ -27,7 +36,7 @@ photographed, straight up in its first row and +x at its left and right ends, +y
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -36,19 +45,13 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from benchharness.modelling.winding import is_closed
-from benchharness.scene import Camera, Environment, Reflector, Scene, subdivided
-from benchharness.study import placed, plugins
-from benchharness.study.entries import Fit, ObjectTable, Positive, Radiance, ReflectorTable, Table, Taken, Vector
+from benchharness.scene import Environment, Object, Reflector, Scene, subdivided
+from benchharness.study import moving, placed, plugins, viewing
+from benchharness.study.entries import Fit, Key, ObjectTable, Positive, Radiance, ReflectorTable, Table, Taken, Vector
+from benchharness.study.viewing import CameraKey, CameraTable
 
 PANORAMAS = (".exr", ".hdr")
 SPLIT = 1 / 25  # of the diagonal of all objects: the longest edge, if nothing is said
-
-
-class CameraTable(Table):
-    path: Annotated[list[Vector], Field(min_length=1)]
-    target: Vector
-    fov_deg: Annotated[float, Field(gt=0, lt=180)]
-    up: Vector = (0.0, 0.0, 1.0)
 
 
 class SceneTable(Table):
@@ -70,8 +73,10 @@ TABLES: dict[str, type[Table]] = {
     "objects": ObjectTable,
     "reflectors": ReflectorTable,
     "camera": CameraTable,
+    "camera.keys": CameraKey,
     "fit": Fit,
     "without": Taken,
+    "keys": Key,
 }
 """What a key of a table is itself, for who asks which keys it may have."""
 
@@ -85,7 +90,7 @@ def validated(table: dict[str, Any], where: str) -> SceneTable:
     place = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in error["loc"])
     if error["type"] == "extra_forbidden":
         tables = [step for step in error["loc"][:-1] if isinstance(step, str)]
-        model = TABLES[tables[-1]] if tables else SceneTable
+        model = TABLES.get(".".join(tables)) or TABLES[tables[-1]] if tables else SceneTable
         above = place.rpartition(".")[0]
         raise ValueError(f"{where}{above}: key {plugins.unknown(list(error['loc'])[-1], model.model_fields)}")
     if error["type"] == "missing":
@@ -101,35 +106,21 @@ def build(name: str, table: SceneTable, base: Path, where: str) -> Scene:
 def built(name: str, table: SceneTable, base: Path, where: str) -> tuple[Scene, list[str]]:
     """The same, and sentences about what was mended of its files, or left out."""
     objects, reflectors, notes = [], [], []
-    files = placed.Files(base)
+    files, last = placed.Files(base), (table.frames - 1) / table.fps
     for number, entry in enumerate(table.objects):
-        key = f"{where}.objects[{number}]"
-        asset = files.asset(entry.mesh, f"{key}.mesh", entry)
-        at = placed.pose(asset, entry, key)
-        asset = placed.taken(asset, entry, key)
-        found, said = _made(placed.objects, f"{key}.mesh: {base / entry.mesh}", asset, entry, at)
+        found, said = _objects(files, entry, f"{where}.objects[{number}]")
         objects += found
-        notes += placed.notes("object", entry.name, asset, at, said)
+        notes += said
     for number, entry in enumerate(table.reflectors):
-        key = f"{where}.reflectors[{number}]"
-        if (entry.eta is None) != (entry.k is None):
-            raise ValueError(f"{key} has only one of eta and k; accepted: both (a conductor) or none (an ideal mirror)")
-        asset = files.asset(entry.mesh, f"{key}.mesh", entry)
-        at = placed.pose(asset, entry, key)
-        asset = placed.taken(asset, entry, key)
-        mesh = _made(placed.mesh, f"{key}.mesh: {base / entry.mesh}", asset, at)
-        notes += placed.notes("mirror", entry.name, asset, at, [])
-        closed = None
-        if entry.closed is not None:
-            around = files.asset(entry.closed, f"{key}.closed", entry)
-            closed = _made(placed.mesh, f"{key}.closed: {base / entry.closed}", around, at)
-            if not is_closed(closed):
-                raise ValueError(f"{key}.closed: {entry.closed} is not watertight; accepted: every edge has two faces")
-        reflectors.append(Reflector(entry.name, mesh, closed, entry.eta, entry.k))
+        mirror, said = _mirror(files, entry, f"{where}.reflectors[{number}]")
+        reflectors.append(mirror)
+        notes += said
     for kind, names in [("objects", [o.name for o in objects]), ("reflectors", [r.name for r in reflectors])]:
         twice = sorted({n for n in names if names.count(n) > 1})
         if twice:
             raise ValueError(f"{where}.{kind}: the name {twice[0]!r} is there twice; accepted: one part per name")
+    camera = viewing.camera(table.camera, last, f"{where}.camera")
+    notes += _unseen([*(part.motion for part in (*objects, *reflectors)), camera], table, last)
     environment = _environment(table, base, where)
     corners = np.concatenate([o.mesh.vertices for o in objects])
     h_max = table.h_max or SPLIT * float(np.linalg.norm(np.ptp(corners, axis=0)))
@@ -141,7 +132,7 @@ def built(name: str, table: SceneTable, base: Path, where: str) -> tuple[Scene, 
         name=name,
         objects=split,
         reflectors=tuple(reflectors),
-        camera=_camera(table),
+        camera=camera,
         frames=table.frames,
         fps=table.fps,
         near=table.near,
@@ -152,6 +143,43 @@ def built(name: str, table: SceneTable, base: Path, where: str) -> tuple[Scene, 
         environment=environment,
     )
     return scene, notes
+
+
+def _objects(files: placed.Files, entry: ObjectTable, key: str) -> tuple[list[Object], list[str]]:
+    """The objects of an entry, and what has to be said of them."""
+    asset = files.asset(entry.mesh, f"{key}.mesh", entry)
+    at = placed.pose(asset, entry, key)
+    asset = placed.taken(asset, entry, key)
+    found, said = _made(placed.objects, f"{key}.mesh: {files.base / entry.mesh}", asset, entry, at)
+    motion = moving.keyed(entry, key)
+    return [replace(thing, motion=motion) for thing in found], placed.notes("object", entry.name, asset, at, said)
+
+
+def _mirror(files: placed.Files, entry: ReflectorTable, key: str) -> tuple[Reflector, list[str]]:
+    """The mirror of an entry, and what has to be said of it."""
+    if (entry.eta is None) != (entry.k is None):
+        raise ValueError(f"{key} has only one of eta and k; accepted: both (a conductor) or none (an ideal mirror)")
+    asset = files.asset(entry.mesh, f"{key}.mesh", entry)
+    at = placed.pose(asset, entry, key)
+    asset = placed.taken(asset, entry, key)
+    mesh = _made(placed.mesh, f"{key}.mesh: {files.base / entry.mesh}", asset, at)
+    closed = None
+    if entry.closed is not None:
+        around = files.asset(entry.closed, f"{key}.closed", entry)
+        closed = _made(placed.mesh, f"{key}.closed: {files.base / entry.closed}", around, at)
+        if not is_closed(closed):
+            raise ValueError(f"{key}.closed: {entry.closed} is not watertight; accepted: every edge has two faces")
+    mirror = Reflector(entry.name, mesh, closed, entry.eta, entry.k, moving.keyed(entry, key))
+    return mirror, placed.notes("mirror", entry.name, asset, at, [])
+
+
+def _unseen(ways: Iterable[Any], table: SceneTable, last: float) -> list[str]:
+    """A sentence where motions go on after the last frame."""
+    end = max((getattr(way, "end", 0.0) for way in ways), default=0.0)
+    if end <= last + 1 / table.fps:
+        return []
+    said = f"what moves goes on to {end:.4g} s, and {table.frames} frames at {table.fps:g} a second to {last:.4g} s"
+    return [f"{said}: see `frames`"]
 
 
 def _environment(table: SceneTable, base: Path, where: str) -> Environment | None:
@@ -186,16 +214,3 @@ def _made(make: Callable, what: str, *arguments: Any) -> Any:
         return make(*arguments)
     except ValueError as error:
         raise ValueError(f"{what}: {error}") from None
-
-
-def _camera(table: SceneTable) -> Any:
-    """Time in seconds -> Camera: the first eye at frame 0, the last at the last frame."""
-    path, camera = np.array(table.camera.path), table.camera
-    last = (table.frames - 1) / table.fps
-
-    def at(time: float) -> Camera:
-        along = 0.0 if last == 0 else min(max(time / last, 0.0), 1.0) * (len(path) - 1)
-        x, y, z = (float(np.interp(along, np.arange(len(path)), path[:, axis])) for axis in range(3))
-        return Camera((x, y, z), camera.target, camera.fov_deg, camera.up)
-
-    return at
