@@ -1,8 +1,9 @@
 """glTF 2.0, as GLB or as JSON with buffers beside it: what stands in the default scene, in its own space, y up, in metres.
 
 Nodes are put where they stand: winding turned where one mirrors, normals by the inverse transpose. Instances are meshes of
-their own. Skins and shapes are as the file poses them; animations are left. Extensions that change numbers are decoded
-(KHR_mesh_quantization, KHR_texture_transform) or refused by name; those that change looks are said.
+their own. Skins and shapes are as the file poses them. An animation that is asked for moves nodes, from where it has them at
+time 0; others are left. Extensions that change numbers are decoded (KHR_mesh_quantization, KHR_texture_transform) or refused by
+name; those that change looks are said.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from benchharness.assets import gltf_materials, polygons, surface
+from benchharness.assets import gltf_animation, gltf_materials, polygons, surface
 from benchharness.assets.asset import Asked, Findings, Part, Refused
 from benchharness.assets.gltf_accessors import Document
 from benchharness.assets.gltf_materials import Look
@@ -22,7 +23,7 @@ from benchharness.assets.gltf_nodes import Nodes
 
 DECODED = ("KHR_mesh_quantization", "KHR_texture_transform", "KHR_lights_punctual", "KHR_xmp_json_ld", "EXT_texture_webp")
 LOOKS = "KHR_materials_"  # what begins so changes looks alone
-CAMERAS, LIGHTS = "cameras, left out", "lights, left out"
+CAMERAS, LIGHTS, ANIMATIONS = "cameras, left out", "lights, left out", "animations, left out: all is where the nodes put it"
 MODES: dict[int, Callable[[np.ndarray], np.ndarray]] = {
     4: lambda vertices: vertices[: len(vertices) // 3 * 3].reshape(-1, 3),
     5: polygons.of_strip,
@@ -39,7 +40,7 @@ def read(path: Path, findings: Findings, asked: Asked) -> list[Part]:
     if strange:
         raise Refused(f"it requires {', '.join(map(str, strange))}; accepted: {', '.join(DECODED)} and {LOOKS}*")
     looks = gltf_materials.looks(document, findings)
-    nodes = Nodes(document, findings)
+    nodes = Nodes(document, findings, gltf_animation.read(document, asked.animation, findings))
     parts: list[Part] = []
     for index in nodes.there:
         node = document.one("nodes", index)
@@ -49,8 +50,10 @@ def read(path: Path, findings: Findings, asked: Asked) -> list[Part]:
         findings.count(CAMERAS, "camera" in node)
         findings.count(LIGHTS, "KHR_lights_punctual" in extensions)
         if "mesh" in node:
-            parts += [replace(part, nodes=nodes.path(index)) for part in _parts(document, index, nodes, looks, findings)]
-    findings.count("animations, left out: all is where the nodes put it", len(document.all("animations")))
+            hung = {"nodes": nodes.path(index), "motion": nodes.motion(index)}
+            parts += [replace(part, **hung) for part in _parts(document, index, nodes, looks, findings)]
+    if asked.animation is None:
+        findings.count(ANIMATIONS, len(document.all("animations")))
     if not any("mesh" in document.one("nodes", index) for index in nodes.there):
         raise Refused(f"it has {len(document.all('meshes'))} meshes, and none in its scene; accepted: at least one")
     if not parts:

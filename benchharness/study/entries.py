@@ -6,6 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
+from benchharness.assets.asset import Asked
+
 METRES = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 
 
@@ -69,17 +71,22 @@ class Key(Table):
 
 
 class Placed(Place, Taken):
-    """A file, what is taken of it, and where that is. `up` is the axis that is up in it: None is y for glTF, and z for all
-    others."""
+    """A file, what is taken of it, where that is, and how it moves.
+
+    up         the axis that is up in it: None is y for glTF, and z for all others
+    animation  of glTF, a name or number: it moves the file's nodes, within what keys move
+    """
 
     name: str
     mesh: str
     up: Literal["y", "z"] | None = None
     without: Annotated[list[Taken], BeforeValidator(_listed)] = Field(default_factory=list)
     keys: Annotated[list[Key], Field(min_length=1)] | None = None
+    animation: str | int | None = None
 
-    def names_nodes(self) -> bool:
-        return any(taken.node is not None for taken in (self, *self.without))
+    def asked(self) -> Asked:
+        """What its file is asked for."""
+        return Asked(any(taken.node is not None for taken in (self, *self.without)), self.animation)
 
 
 class ObjectTable(Placed):

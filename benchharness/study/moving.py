@@ -1,7 +1,8 @@
 """Motions of a scene's table: keys that say where a file is, and how it is turned, at which times.
 
 Places go straight from key to key and turns the shorter way round, about the file's origin or the middle of its `fit`; before
-the first key and after the last it stands as they say. Poses are rigid.
+the first key and after the last it stands as they say. Within that an animation moves the nodes of a glTF file. Poses are
+rigid.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from benchharness.assets.asset import Asset, Motion, Part
 from benchharness.modelling.motion import Track, about_axes, product, turned
 from benchharness.study.entries import Placed
 
@@ -77,3 +79,55 @@ def ascending(times: Sequence[float], where: str) -> np.ndarray:
             said = f"{where}.keys[{number}].time is {time:g}"
             raise ValueError(f"{said}; accepted: more than {before:g}, the time of the key before")
     return np.array(times, np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Carried:
+    """Time in seconds -> rigid pose, float64 [4, 4]: how an animation of a file moves a part of it, where an entry puts it.
+
+    motion  the part's, in its file's space
+    place   what takes that to the scene's, float64 [4, 4]
+    keys    how the entry's keys move all of it; None without any
+    """
+
+    motion: Motion
+    place: np.ndarray
+    keys: Keyed | None
+
+    @property
+    def end(self) -> float:
+        return max(self.motion.end, 0.0 if self.keys is None else self.keys.end)
+
+    def __call__(self, time: float) -> np.ndarray:
+        pose = self.place @ self.motion.pose(time) @ np.linalg.inv(self.place)
+        pose[3] = (0.0, 0.0, 0.0, 1.0)
+        return pose if self.keys is None else self.keys(time) @ pose
+
+
+class Motions:
+    """The motions of an entry's parts: its keys', within which an animation moves parts of its file."""
+
+    def __init__(self, asset: Asset, entry: Placed, at: np.ndarray, where: str) -> None:
+        """`at` takes the asset's space to the scene's. Raises ValueError for motions that are not rigid; see `keyed`."""
+        self._where = f"{where}.animation of {asset.path.name}"
+        keys, made = keyed(entry, where), {}
+        self._of: dict[Part, Keyed | Carried | None] = {}
+        for part in asset.parts:
+            motion = part.motion
+            if motion is not None and motion.fault is not None:
+                raise ValueError(f"{self._where}: {motion.fault}; accepted: nodes that are moved and turned, as they are")
+            if motion is not None and motion not in made:
+                made[motion] = Carried(motion, at @ asset.axes, keys)
+            self._of[part] = keys if motion is None else made[motion]
+
+    def of(self, part: Part) -> Keyed | Carried | None:
+        """The motion of a part, the same for those that move as one; None for what stands still."""
+        return self._of[part]
+
+    def of_all(self) -> Keyed | Carried | None:
+        """The motion of all parts. Raises ValueError where they do not move as one."""
+        ways = {motion: part for part, motion in self._of.items()}
+        if len(ways) > 1:
+            names = ", ".join("what stands" if part.motion is None else repr(part.motion.name) for part in ways.values())
+            raise ValueError(f"{self._where}: parts of one mirror move apart, {names}; accepted: a mirror for each, by `node`")
+        return next(iter(ways))

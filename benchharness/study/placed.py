@@ -7,6 +7,7 @@ of nodes and materials, stands where it stands in the whole.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,10 +15,11 @@ from typing import Any
 import numpy as np
 
 from benchharness.assets import reading
-from benchharness.assets.asset import Asked, Asset, Part, Refused
+from benchharness.assets.asset import Asset, Part, Refused
 from benchharness.scene import Mesh, Object, Texture, merged
 from benchharness.study import plugins
 from benchharness.study.entries import ObjectTable, Place, Placed, Taken, Vector
+from benchharness.study.moving import Motions
 
 HUGE, TINY = 200.0, 0.005  # metres: what is larger or smaller is said, as it may be meant in another unit
 MOST_SAID = 12  # findings of one file
@@ -31,24 +33,34 @@ def read(path: Path, where: str, placed: Placed) -> Asset:
     if not path.is_file():
         raise ValueError(f"{where}: there is no file {path}; accepted: a path relative to the config")
     try:
-        return reading.read(path, placed.up, Asked(apart=placed.names_nodes()))
+        return reading.read(path, placed.up, placed.asked())
     except Refused as error:
         raise ValueError(f"{where}: {path.parent}/{error}") from None
 
 
 class Files:
-    """The mesh files of a table, relative to a folder; each is read once for all entries that ask the same of it."""
+    """The mesh files of a table, relative to a folder; each is read once for all entries that ask the same of it. `used`, names of
+    files and beginnings of findings, is what the table takes of them elsewhere: it is not said to be left out."""
 
-    def __init__(self, base: Path) -> None:
-        self.base = base
+    def __init__(self, base: Path, used: Iterable[tuple[str | None, str]] = ()) -> None:
+        self.base, self._used = base, tuple(used)
         self._read: dict[Any, Asset] = {}
 
     def asset(self, name: str, where: str, placed: Placed) -> Asset:
         """See `read`."""
-        key = name, placed.up, placed.names_nodes()
+        key = name, placed.up, placed.asked()
         if key not in self._read:
-            self._read[key] = read(self.base / name, where, placed)
+            asset, used = read(self.base / name, where, placed), [said for file, said in self._used if file == name]
+            left = tuple(said for said in asset.findings if not said.startswith(tuple(used)))
+            self._read[key] = replace(asset, findings=left)
         return self._read[key]
+
+    def path(self, name: str, where: str) -> Path:
+        """Of a file that is there. Raises ValueError."""
+        path = self.base / name
+        if not path.is_file():
+            raise ValueError(f"{where}: there is no file {path}; accepted: a path relative to the config")
+        return path
 
 
 def taken(asset: Asset, entry: Placed, where: str) -> Asset:
@@ -88,8 +100,9 @@ def _unknown(name: str, there: list[str]) -> str:
     return f"{name!r} is unknown{near}; accepted: {accepted}"
 
 
-def pose(asset: Asset, placed: Place, where: str) -> np.ndarray:
-    """What takes a file's space to the scene's, float64 [4, 4]. Raises ValueError for a `fit` beside what it replaces."""
+def pose(asset: Asset | None, placed: Place, where: str) -> np.ndarray:
+    """What takes a file's space to the scene's, float64 [4, 4]. The asset is needed for a `fit` alone. Raises ValueError for a
+    `fit` beside what it replaces."""
     turned = turn(placed.rotate_deg)
     out = np.eye(4)
     if placed.fit is None:
@@ -99,6 +112,7 @@ def pose(asset: Asset, placed: Place, where: str) -> np.ndarray:
     beside = [name for name in ("unit", "scale", "translate") if name in placed.model_fields_set]
     if beside:
         raise ValueError(f"{where} has fit and {', '.join(beside)}; accepted: one of them")
+    assert asset is not None
     corners = np.concatenate([part.vertices @ turned.T for part in asset.parts])
     low, high = corners.min(axis=0), corners.max(axis=0)
     factor = placed.fit.size / float((high - low).max())
@@ -122,22 +136,26 @@ def mesh(asset: Asset, at: np.ndarray) -> Mesh:
     return merged(*(Mesh(part.vertices, part.faces, part.normals) for part in asset.parts)).transformed(at)
 
 
-def objects(asset: Asset, entry: ObjectTable, at: np.ndarray) -> tuple[list[Object], list[str]]:
-    """An object for every material of a file, or one if the table gives its albedo; and what has to be said of them."""
+def objects(
+    asset: Asset, entry: ObjectTable, at: np.ndarray, motions: Motions | None = None
+) -> tuple[list[Object], list[str]]:
+    """An object for every material of what moves as one, or one of these if the table gives its albedo; and what has to be said
+    of them. Without `motions` they stand."""
     said: list[str] = []
     groups: dict[Any, list[Part]] = {}
     for part in asset.parts:
         m = part.material
         look = None if entry.albedo is not None else (m.name, m.base_colour, id(m.picture), m.wrap, m.emission, part.uv is None)
-        groups.setdefault(look, []).append(part)
+        motion = None if motions is None else motions.of(part)
+        groups.setdefault((look, motion), []).append(part)
     found: list[Object] = []
     made: dict[int, Texture] = {}
-    names = _names([parts[0].material.name for parts in groups.values()]) if len(groups) > 1 else [""]
-    for material, parts in zip(names, groups.values(), strict=True):
+    names = _names([_called(parts[0]) for parts in groups.values()]) if len(groups) > 1 else [""]
+    for material, ((_, motion), parts) in zip(names, groups.items(), strict=True):
         meshes = [Mesh(part.vertices, part.faces, part.normals, **_look(part, entry, made, said)) for part in parts]
         shown = entry.shows or " of ".join([material, asset.path.name] if material else [asset.path.name])
         name = f"{entry.name}/{material}" if material else entry.name
-        found.append(Object(name, merged(*meshes).transformed(at), shown))
+        found.append(Object(name, merged(*meshes).transformed(at), shown, motion))
     return found, list(dict.fromkeys(said))
 
 
@@ -152,6 +170,11 @@ def notes(kind: str, name: str, asset: Asset, at: np.ndarray, said: list[str]) -
     if len(said) > MOST_SAID:
         said = [*said[:MOST_SAID], f"and {len(said) - MOST_SAID} more"]
     return [f"{kind} {name}, {asset.path.name}: {'; '.join(said)}"] if said else []
+
+
+def _called(part: Part) -> str:
+    """The name of a part's material, after that of the node that moves it, if an animation does."""
+    return part.material.name if part.motion is None else "/".join(filter(None, (part.motion.name, part.material.name)))
 
 
 def _names(materials: list[str]) -> list[str]:

@@ -28,6 +28,10 @@ between its points; or from key to key, `keys = [{time = 0, eye = [0, -4, 1.5], 
 `fov_deg` and `up` of the keys or of the camera. Times are seconds, frame i being at i / `fps`; all is held beyond the first key
 and the last. Light is that of time 0: shadows do not follow what moves.
 
+Of glTF, `animation = "name"`, or its number, moves and turns the nodes of an object or a mirror; what it bends or sizes is
+refused. `camera = {file = "room.glb", node = "eye"}` is a camera of such a file, in the place that `scale` and the others give to
+that file, moved by an `animation` of its own.
+
 In place of `background`, `environment = "sky.exr"` names a panorama (latitude and longitude, EXR or HDR, linear) as it is
 photographed, straight up in its first row and +x at its left and right ends, +y a quarter from the right; taken at
 `environment_centre`, by default the origin.
@@ -44,10 +48,11 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, ValidationError
 
+from benchharness.assets.gltf import ANIMATIONS, CAMERAS, LIGHTS
 from benchharness.modelling.winding import is_closed
 from benchharness.scene import Environment, Object, Reflector, Scene, subdivided
 from benchharness.study import moving, placed, plugins, viewing
-from benchharness.study.entries import Fit, Key, ObjectTable, Positive, Radiance, ReflectorTable, Table, Taken, Vector
+from benchharness.study.entries import Fit, Key, ObjectTable, Placed, Positive, Radiance, ReflectorTable, Table, Taken, Vector
 from benchharness.study.viewing import CameraKey, CameraTable
 
 PANORAMAS = (".exr", ".hdr")
@@ -106,7 +111,9 @@ def build(name: str, table: SceneTable, base: Path, where: str) -> Scene:
 def built(name: str, table: SceneTable, base: Path, where: str) -> tuple[Scene, list[str]]:
     """The same, and sentences about what was mended of its files, or left out."""
     objects, reflectors, notes = [], [], []
-    files, last = placed.Files(base), (table.frames - 1) / table.fps
+    used: list[tuple[str | None, str]] = [(table.camera.file, CAMERAS), *((light.file, LIGHTS) for light in table.lights)]
+    used += [(e.mesh, ANIMATIONS) for e in (*table.objects, *table.reflectors) if e.animation is not None]
+    files, last = placed.Files(base, used), (table.frames - 1) / table.fps
     for number, entry in enumerate(table.objects):
         found, said = _objects(files, entry, f"{where}.objects[{number}]")
         objects += found
@@ -119,7 +126,8 @@ def built(name: str, table: SceneTable, base: Path, where: str) -> tuple[Scene, 
         twice = sorted({n for n in names if names.count(n) > 1})
         if twice:
             raise ValueError(f"{where}.{kind}: the name {twice[0]!r} is there twice; accepted: one part per name")
-    camera = viewing.camera(table.camera, last, f"{where}.camera")
+    camera, said = viewing.camera(table.camera, files, last, f"{where}.camera")
+    notes += said
     notes += _unseen([*(part.motion for part in (*objects, *reflectors)), camera], table, last)
     environment = _environment(table, base, where)
     corners = np.concatenate([o.mesh.vertices for o in objects])
@@ -150,9 +158,9 @@ def _objects(files: placed.Files, entry: ObjectTable, key: str) -> tuple[list[Ob
     asset = files.asset(entry.mesh, f"{key}.mesh", entry)
     at = placed.pose(asset, entry, key)
     asset = placed.taken(asset, entry, key)
-    found, said = _made(placed.objects, f"{key}.mesh: {files.base / entry.mesh}", asset, entry, at)
-    motion = moving.keyed(entry, key)
-    return [replace(thing, motion=motion) for thing in found], placed.notes("object", entry.name, asset, at, said)
+    motions = moving.Motions(asset, entry, at, key)
+    found, said = _made(placed.objects, f"{key}.mesh: {files.base / entry.mesh}", asset, entry, at, motions)
+    return found, placed.notes("object", entry.name, asset, at, said)
 
 
 def _mirror(files: placed.Files, entry: ReflectorTable, key: str) -> tuple[Reflector, list[str]]:
@@ -162,14 +170,16 @@ def _mirror(files: placed.Files, entry: ReflectorTable, key: str) -> tuple[Refle
     asset = files.asset(entry.mesh, f"{key}.mesh", entry)
     at = placed.pose(asset, entry, key)
     asset = placed.taken(asset, entry, key)
+    motion = moving.Motions(asset, entry, at, key).of_all()
     mesh = _made(placed.mesh, f"{key}.mesh: {files.base / entry.mesh}", asset, at)
     closed = None
     if entry.closed is not None:
-        around = files.asset(entry.closed, f"{key}.closed", entry)
+        shape = Placed(name=entry.name, mesh=entry.closed, up=entry.up)
+        around = files.asset(entry.closed, f"{key}.closed", shape)
         closed = _made(placed.mesh, f"{key}.closed: {files.base / entry.closed}", around, at)
         if not is_closed(closed):
             raise ValueError(f"{key}.closed: {entry.closed} is not watertight; accepted: every edge has two faces")
-    mirror = Reflector(entry.name, mesh, closed, entry.eta, entry.k, moving.keyed(entry, key))
+    mirror = Reflector(entry.name, mesh, closed, entry.eta, entry.k, motion)
     return mirror, placed.notes("mirror", entry.name, asset, at, [])
 
 
