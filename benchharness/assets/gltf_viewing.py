@@ -1,4 +1,4 @@
-"""Cameras of glTF 2.0, by the nodes on which they hang (specification, section 3.10)."""
+"""Cameras and point lights of glTF 2.0, by the nodes on which they hang (specification, section 3.10; KHR_lights_punctual)."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from benchharness.assets import gltf_animation
 from benchharness.assets.asset import Findings, Refused
 from benchharness.assets.gltf_accessors import Document
 from benchharness.assets.gltf_nodes import Nodes
+
+PUNCTUAL = "KHR_lights_punctual"
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +31,15 @@ class Eye:
     aspect: float | None
     pose: Callable[[float], np.ndarray]
     end: float
+
+
+@dataclass(frozen=True, eq=False)
+class Lamp:
+    """A point light of a file: where it is in that, float64 [3], and its RGB intensity, float64 [3], in candela."""
+
+    name: str
+    position: np.ndarray
+    intensity: np.ndarray
 
 
 def eye(path: Path, node: str | None, animation: str | int | None) -> Eye:
@@ -57,3 +68,34 @@ def one_of(nodes: Nodes, there: list[int], asked: str | None, what: str) -> int:
     names = ", ".join(repr(nodes.name(index)) for index in there) or "of which there is none"
     which = "" if asked is None else f" at or below node {asked!r}"
     raise Refused(f"it has {len(found) or 'no'} {what}{which}; accepted: `node` with the name of one, {names}")
+
+
+def lamps(path: Path, asked: list[str] | None, findings: Findings) -> list[Lamp]:
+    """The lights at or below nodes of these names, or all. Raises Refused for spots and for what shines along one direction."""
+    document = Document(path)
+    nodes = Nodes(document, findings)
+    there = [index for index in nodes.there if PUNCTUAL in document.one("nodes", index).get("extensions", {})]
+    if not there:
+        raise Refused(f"it has no lights in its scene; accepted: nodes with {PUNCTUAL}")
+    for name in asked or []:
+        if not any(name in nodes.path(index) for index in there):
+            names = ", ".join(repr(nodes.name(index)) for index in there)
+            raise Refused(f"it has no light at or below node {name!r}; accepted: {names}")
+    defined = document.json.get("extensions", {}).get(PUNCTUAL, {}).get("lights", [])
+    found = []
+    for index in there:
+        if asked is not None and set(asked).isdisjoint(nodes.path(index)):
+            continue
+        number, name = document.one("nodes", index)["extensions"][PUNCTUAL]["light"], nodes.name(index)
+        if not 0 <= number < len(defined):
+            raise Refused(f"node {name!r} has light {number} of {len(defined)}; accepted: what is there")
+        said = defined[number]
+        if said.get("type") != "point":
+            raise Refused(f"light {name!r} is {said.get('type')}; accepted: point, by `node` where there are others")
+        intensity = said.get("intensity", 1.0) * np.array(said.get("color", (1.0, 1.0, 1.0)), np.float64)
+        if intensity.shape != (3,) or not (np.isfinite(intensity) & (intensity >= 0)).all():
+            what = f"intensity {said.get('intensity')} and color {said.get('color')}"
+            raise Refused(f"light {name!r} has {what}; accepted: finite numbers from 0")
+        findings.count("lights that end at a range, which shine beyond it", "range" in said)
+        found.append(Lamp(name, nodes.world(index)[:3, 3], intensity))
+    return found

@@ -1,4 +1,5 @@
-"""`read`: a mesh file of any format that is read, as an `Asset` with z up; `eye`: the camera that stands in one."""
+"""`read`: a mesh file of any format that is read, as an `Asset` with z up; `eye`, `lamps`: the cameras and lights
+that stand in one."""
 
 from __future__ import annotations
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from benchharness.assets import gltf, gltf_viewing, obj, ply, stl
 from benchharness.assets.asset import Asked, Asset, Findings, Part, Refused
-from benchharness.assets.gltf_viewing import Eye
+from benchharness.assets.gltf_viewing import Eye, Lamp
 
 Up = Literal["y", "z"]
 Reader = Callable[[Path, Findings, Asked], list[Part]]
@@ -60,6 +61,15 @@ def eye(path: Path, node: str | None, animation: str | int | None) -> Eye:
     with _named_in_refusals(path):
         found = gltf_viewing.eye(path, node, animation)
     return replace(found, pose=lambda time: UPRIGHT @ found.pose(time))
+
+
+def lamps(path: Path, nodes: list[str] | None) -> tuple[list[Lamp], tuple[str, ...]]:
+    """The point lights of a file, z up, at or below nodes or all, and sentences about what was left out. Raises Refused."""
+    _check_nodes(path, "lights")
+    findings = Findings()
+    with _named_in_refusals(path):
+        found = gltf_viewing.lamps(path, nodes, findings)
+    return [replace(lamp, position=UPRIGHT[:3, :3] @ lamp.position) for lamp in found], findings.sentences()
 
 
 def _check_nodes(path: Path, what: str) -> None:

@@ -39,8 +39,8 @@ def read(path: Path, where: str, placed: Placed) -> Asset:
 
 
 class Files:
-    """The mesh files of a table, relative to a folder; each is read once for all entries that ask the same of it. `used`, names of
-    files and beginnings of findings, is what the table takes of them elsewhere: it is not said to be left out."""
+    """The mesh files of a table, relative to a folder; each is read once for all entries that ask the same of it. `used`,
+    names of files and beginnings of findings, is what the table takes of them elsewhere: it is not said to be left out."""
 
     def __init__(self, base: Path, used: Iterable[tuple[str | None, str]] = ()) -> None:
         self.base, self._used = base, tuple(used)

@@ -29,8 +29,12 @@ between its points; or from key to key, `keys = [{time = 0, eye = [0, -4, 1.5], 
 and the last. Light is that of time 0: shadows do not follow what moves.
 
 Of glTF, `animation = "name"`, or its number, moves and turns the nodes of an object or a mirror; what it bends or sizes is
-refused. `camera = {file = "room.glb", node = "eye"}` is a camera of such a file, in the place that `scale` and the others give to
-that file, moved by an `animation` of its own.
+refused. `camera = {file = "room.glb", node = "eye"}` is a camera of such a file, in the place that `scale` and the others give
+to that file, moved by an `animation` of its own.
+
+`lights = [{position = [0, 0, 2], intensity = [5, 5, 5]}]` are points that shine, at most four, which stand still; `{file =
+"room.glb"}` among them is the point lights of that file (KHR_lights_punctual), where `scale` and the others put it. Their light
+is baked with that of all else.
 
 In place of `background`, `environment = "sky.exr"` names a panorama (latitude and longitude, EXR or HDR, linear) as it is
 photographed, straight up in its first row and +x at its left and right ends, +y a quarter from the right; taken at
@@ -48,11 +52,12 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, ValidationError
 
-from benchharness.assets.gltf import ANIMATIONS, CAMERAS, LIGHTS
+from benchharness.assets.gltf import CAMERAS, LIGHTS
 from benchharness.modelling.winding import is_closed
 from benchharness.scene import Environment, Object, Reflector, Scene, subdivided
-from benchharness.study import moving, placed, plugins, viewing
+from benchharness.study import lighting, moving, placed, plugins, viewing
 from benchharness.study.entries import Fit, Key, ObjectTable, Placed, Positive, Radiance, ReflectorTable, Table, Taken, Vector
+from benchharness.study.lighting import LightTable
 from benchharness.study.viewing import CameraKey, CameraTable
 
 PANORAMAS = (".exr", ".hdr")
@@ -63,6 +68,7 @@ class SceneTable(Table):
     objects: Annotated[list[ObjectTable], Field(min_length=1)]
     reflectors: Annotated[list[ReflectorTable], Field(min_length=1)]
     camera: CameraTable
+    lights: list[LightTable] = Field(default_factory=list)
     frames: Annotated[int, Field(ge=1, le=100_000)] = 1
     fps: Positive = 25.0
     near: Positive | None = None
@@ -82,6 +88,7 @@ TABLES: dict[str, type[Table]] = {
     "fit": Fit,
     "without": Taken,
     "keys": Key,
+    "lights": LightTable,
 }
 """What a key of a table is itself, for who asks which keys it may have."""
 
@@ -111,8 +118,7 @@ def build(name: str, table: SceneTable, base: Path, where: str) -> Scene:
 def built(name: str, table: SceneTable, base: Path, where: str) -> tuple[Scene, list[str]]:
     """The same, and sentences about what was mended of its files, or left out."""
     objects, reflectors, notes = [], [], []
-    used: list[tuple[str | None, str]] = [(table.camera.file, CAMERAS), *((light.file, LIGHTS) for light in table.lights)]
-    used += [(e.mesh, ANIMATIONS) for e in (*table.objects, *table.reflectors) if e.animation is not None]
+    used = [(table.camera.file, CAMERAS), *((light.file, LIGHTS) for light in table.lights)]
     files, last = placed.Files(base, used), (table.frames - 1) / table.fps
     for number, entry in enumerate(table.objects):
         found, said = _objects(files, entry, f"{where}.objects[{number}]")
@@ -127,7 +133,8 @@ def built(name: str, table: SceneTable, base: Path, where: str) -> tuple[Scene, 
         if twice:
             raise ValueError(f"{where}.{kind}: the name {twice[0]!r} is there twice; accepted: one part per name")
     camera, said = viewing.camera(table.camera, files, last, f"{where}.camera")
-    notes += said
+    lights, words = lighting.lights(table.lights, files, f"{where}.lights")
+    notes += [*said, *words]
     notes += _unseen([*(part.motion for part in (*objects, *reflectors)), camera], table, last)
     environment = _environment(table, base, where)
     corners = np.concatenate([o.mesh.vertices for o in objects])
@@ -149,6 +156,7 @@ def built(name: str, table: SceneTable, base: Path, where: str) -> tuple[Scene, 
         exposure=table.exposure,
         source=table.model_dump(mode="json"),
         environment=environment,
+        lights=lights,
     )
     return scene, notes
 

@@ -144,8 +144,8 @@ def test_an_entry_places_what_its_animation_moves_and_its_keys_move_that(tmp_pat
     entry = {"animation": "go", "node": "cart", "scale": 0.5, "rotate_deg": [0, 0, 90], "translate": [0, 0, 3]}
     keys = [{"time": 0.0}, {"time": 2.0, "translate": [0, 0, 7], "rotate_deg": [0, 0, 180]}]
     (thing,) = built(tmp_path, {**entry, "keys": keys})[0].objects
-    # At 3 s the file has (8 + 2 z, 2 y + 2, -2 x), y up, which is (8 + 2 z, 2 x, 2 y + 2), z up. Halved, turned by 180 degrees, as
-    # the keys have it by then, and raised by 7: (-4 - z, -x, y + 1 + 7), of which `seen` wants y up, (X, Z, -Y).
+    # At 3 s the file has (8 + 2 z, 2 y + 2, -2 x), y up, which is (8 + 2 z, 2 x, 2 y + 2), z up. Halved, turned by 180 degrees
+    # (the keys have it there by then), and raised by 7: (-4 - z, -x, y + 1 + 7), of which `seen` wants y up, (X, Z, -Y).
     seen(thing, 3.0, lambda x, y, z: (-4 - z, y + 8, x))
     (thing,) = built(tmp_path, entry)[0].objects  # turned by 90 and raised by 3: (-x, 4 + z, y + 4)
     seen(thing, 3.0, lambda x, y, z: (-x, y + 4, -(4 + z)))
