@@ -50,8 +50,9 @@ def read(path: Path, findings: Findings, asked: Asked) -> list[Part]:
         findings.count(CAMERAS, "camera" in node)
         findings.count(LIGHTS, "KHR_lights_punctual" in extensions)
         if "mesh" in node:
-            hung = {"nodes": nodes.path(index), "motion": nodes.motion(index)}
-            parts += [replace(part, **hung) for part in _parts(document, index, nodes, looks, findings)]
+            names, motion = nodes.path(index), nodes.motion(index)
+            found = _parts(document, index, nodes, looks, findings)
+            parts += [replace(part, nodes=names, motion=motion) for part in found]
     if asked.animation is None:
         findings.count(ANIMATIONS, len(document.all("animations")))
     if not any("mesh" in document.one("nodes", index) for index in nodes.there):

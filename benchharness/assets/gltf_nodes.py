@@ -53,6 +53,8 @@ class Nodes:
 
     def motion(self, index: int) -> Motion | None:
         """How a node moves its mesh, None where it stands still; meshes that move as one have the same."""
+        if not self._animation.tracks and not self._animation.shapes:
+            return None
         node, name = self._document.one("nodes", index), self.name(index)
         if index in self._animation.shapes:
             return self._faulty(index, f"it changes the shape of node {name!r}")

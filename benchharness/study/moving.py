@@ -110,7 +110,7 @@ class Motions:
     def __init__(self, asset: Asset, entry: Placed, at: np.ndarray, where: str) -> None:
         """`at` takes the asset's space to the scene's. Raises ValueError for motions that are not rigid; see `keyed`."""
         self._where = f"{where}.animation of {asset.path.name}"
-        keys, made = keyed(entry, where), {}
+        keys, made = keyed(entry, where), dict[Motion, Carried]()
         self._of: dict[Part, Keyed | Carried | None] = {}
         for part in asset.parts:
             motion = part.motion

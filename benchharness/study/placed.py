@@ -136,9 +136,7 @@ def mesh(asset: Asset, at: np.ndarray) -> Mesh:
     return merged(*(Mesh(part.vertices, part.faces, part.normals) for part in asset.parts)).transformed(at)
 
 
-def objects(
-    asset: Asset, entry: ObjectTable, at: np.ndarray, motions: Motions | None = None
-) -> tuple[list[Object], list[str]]:
+def objects(asset: Asset, entry: ObjectTable, at: np.ndarray, motions: Motions | None = None) -> tuple[list[Object], list[str]]:
     """An object for every material of what moves as one, or one of these if the table gives its albedo; and what has to be said
     of them. Without `motions` they stand."""
     said: list[str] = []

@@ -52,7 +52,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, ValidationError
 
-from benchharness.assets.gltf import CAMERAS, LIGHTS
+from benchharness.assets.gltf import ANIMATIONS, CAMERAS, LIGHTS
 from benchharness.modelling.winding import is_closed
 from benchharness.scene import Environment, Object, Reflector, Scene, subdivided
 from benchharness.study import lighting, moving, placed, plugins, viewing
@@ -118,7 +118,8 @@ def build(name: str, table: SceneTable, base: Path, where: str) -> Scene:
 def built(name: str, table: SceneTable, base: Path, where: str) -> tuple[Scene, list[str]]:
     """The same, and sentences about what was mended of its files, or left out."""
     objects, reflectors, notes = [], [], []
-    used = [(table.camera.file, CAMERAS), *((light.file, LIGHTS) for light in table.lights)]
+    used: list[tuple[str | None, str]] = [(table.camera.file, CAMERAS), *((light.file, LIGHTS) for light in table.lights)]
+    used += [(e.mesh, ANIMATIONS) for e in (*table.objects, *table.reflectors) if e.animation is not None]
     files, last = placed.Files(base, used), (table.frames - 1) / table.fps
     for number, entry in enumerate(table.objects):
         found, said = _objects(files, entry, f"{where}.objects[{number}]")

@@ -75,12 +75,11 @@ def camera(table: CameraTable, files: Files, last: float, where: str) -> tuple[C
     times = ascending([key.time for key in keys], where)
     rows = []
     for number, key in enumerate(keys):
-        of_key = {name: getattr(key, name) for name in ("target", "fov_deg", "up")}
-        here = {name: getattr(table, name) if value is None else value for name, value in of_key.items()}
-        for name, value in here.items():
-            if value is None:
-                raise ValueError(f"{where}.keys[{number}].{name} is missing; accepted: in every key, or once in {where}")
-        rows.append([*key.eye, *here["target"], *here["up"], here["fov_deg"]])
+        target, fov_deg, up = key.target or table.target, key.fov_deg or table.fov_deg, key.up or table.up
+        if target is None or fov_deg is None:
+            lacks = "target" if target is None else "fov_deg"
+            raise ValueError(f"{where}.keys[{number}].{lacks} is missing; accepted: in every key, or once in {where}")
+        rows.append([*key.eye, *target, *up, fov_deg])
     return _Keyed(Track(times, np.array(rows, np.float64))), []
 
 

@@ -178,7 +178,7 @@ def test_an_eye_goes_from_key_to_key_with_what_it_looks_at(tmp_path):
     ("camera", "said"),
     [
         ({"target": [0, 0, 0], "fov_deg": 40}, r"camera has no path, keys or file; accepted: one of path, keys and file"),
-        ({**CAMERA, "keys": [{"time": 0, "eye": [0, 0, 0]}]}, r"camera has path and keys; accepted: one of path, keys and file"),
+        ({**CAMERA, "keys": [{"time": 0, "eye": [0, 0, 0]}]}, r"camera has path and keys; accepted: one of path, keys"),
         ({"path": [[0, -4, 0]], "fov_deg": 40}, r"camera\.target is missing; accepted"),
         ({"path": [[0, -4, 0]], "target": [0, 0, 0]}, r"camera\.fov_deg is missing; accepted"),
         ({"keys": [{"time": 0, "eye": [0, -4, 0], "target": [0, 0, 0]}]}, r"camera\.keys\[0\]\.fov_deg is missing; accepted"),
