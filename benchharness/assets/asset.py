@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -18,6 +19,18 @@ WHITE: Colour = (1.0, 1.0, 1.0)
 
 class Refused(ValueError):
     """A file that cannot be read right: which, what is in it, and what would be accepted."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of a file beside its meshes.
+
+    apart      whether what has a name of its own in it is parts of its own, where that is left open: objects and groups of OBJ
+    animation  name or number of the one that moves its nodes; None: they stand as the file puts them
+    """
+
+    apart: bool = False
+    animation: str | int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +51,22 @@ class Material:
 
 
 @dataclass(frozen=True, eq=False)
+class Motion:
+    """How an animation moves parts of a file; those that move as one share it.
+
+    name   of the node that moves
+    pose   time in seconds -> rigid pose in the file's own space, float64 [4, 4], from where they are at time 0
+    end    seconds, after which it stands still
+    fault  why it is none that is rigid; None where it is
+    """
+
+    name: str
+    pose: Callable[[float], np.ndarray]
+    end: float
+    fault: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class Part:
     """Triangles of one material.
 
@@ -46,6 +75,8 @@ class Part:
     normals   float64 [V, 3], unit
     uv        float64 [V, 2], u to the right, v up, (0, 0) the lower left corner of the picture, its transform applied; or None
     colours   float64 [V, 3], linear RGB; or None
+    nodes     what it hangs on by name, from the top: nodes of glTF; objects and groups of OBJ where these were asked for
+    motion    how the animation that was asked for moves it, from where it is; None for what stands still
     """
 
     name: str
@@ -55,6 +86,8 @@ class Part:
     material: Material
     uv: np.ndarray | None = None
     colours: np.ndarray | None = None
+    nodes: tuple[str, ...] = ()
+    motion: Motion | None = None
 
     def transformed(self, pose: np.ndarray) -> Part:
         """The part moved by an affine pose, float64 [4, 4], that does not mirror."""
@@ -66,11 +99,13 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Asset:
-    """A file's parts, z up, and sentences about what was mended, made or left out."""
+    """A file's parts, z up, and sentences about what was mended, made or left out. `axes` is what brought them from the file's
+    own space to z up, float64 [4, 4]."""
 
     path: Path
     parts: tuple[Part, ...]
     findings: tuple[str, ...]
+    axes: np.ndarray = field(default_factory=lambda: np.eye(4))
 
     @property
     def box(self) -> np.ndarray:

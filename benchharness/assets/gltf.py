@@ -1,25 +1,29 @@
 """glTF 2.0, as GLB or as JSON with buffers beside it: what stands in the default scene, in its own space, y up, in metres.
 
 Nodes are put where they stand: winding turned where one mirrors, normals by the inverse transpose. Instances are meshes of
-their own. Skins and shapes are as the file poses them; animations are left. Extensions that change numbers are decoded
-(KHR_mesh_quantization, KHR_texture_transform) or refused by name; those that change looks are said.
+their own. Skins and shapes are as the file poses them. An animation that is asked for moves nodes, from where it has them at
+time 0; others are left. Extensions that change numbers are decoded (KHR_mesh_quantization, KHR_texture_transform) or refused by
+name; those that change looks are said.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchharness.assets import gltf_materials, polygons, surface
-from benchharness.assets.asset import Findings, Part, Refused
+from benchharness.assets import gltf_animation, gltf_materials, polygons, surface
+from benchharness.assets.asset import Asked, Findings, Part, Refused
 from benchharness.assets.gltf_accessors import Document
 from benchharness.assets.gltf_materials import Look
+from benchharness.assets.gltf_nodes import Nodes
 
 DECODED = ("KHR_mesh_quantization", "KHR_texture_transform", "KHR_lights_punctual", "KHR_xmp_json_ld", "EXT_texture_webp")
 LOOKS = "KHR_materials_"  # what begins so changes looks alone
+CAMERAS, LIGHTS, ANIMATIONS = "cameras, left out", "lights, left out", "animations, left out: all is where the nodes put it"
 MODES: dict[int, Callable[[np.ndarray], np.ndarray]] = {
     4: lambda vertices: vertices[: len(vertices) // 3 * 3].reshape(-1, 3),
     5: polygons.of_strip,
@@ -28,7 +32,7 @@ MODES: dict[int, Callable[[np.ndarray], np.ndarray]] = {
 """Triangles, strips and fans. What is less, 0 to 3, is points and lines."""
 
 
-def read(path: Path, findings: Findings) -> list[Part]:
+def read(path: Path, findings: Findings, asked: Asked) -> list[Part]:
     """The parts of a file, one for every material of every node, y up. Raises Refused."""
     document = Document(path)
     required = document.all("extensionsRequired")
@@ -36,96 +40,31 @@ def read(path: Path, findings: Findings) -> list[Part]:
     if strange:
         raise Refused(f"it requires {', '.join(map(str, strange))}; accepted: {', '.join(DECODED)} and {LOOKS}*")
     looks = gltf_materials.looks(document, findings)
-    worlds = _worlds(document)
-    there = _there(document, findings)
+    nodes = Nodes(document, findings, gltf_animation.read(document, asked.animation, findings))
     parts: list[Part] = []
-    for index in there:
+    for index in nodes.there:
         node = document.one("nodes", index)
         extensions = node.get("extensions", {})
         if "EXT_mesh_gpu_instancing" in extensions:
             raise Refused("it has nodes with EXT_mesh_gpu_instancing; accepted: files without it")
-        findings.count("lights and cameras, left out", "camera" in node or "KHR_lights_punctual" in extensions)
+        findings.count(CAMERAS, "camera" in node)
+        findings.count(LIGHTS, "KHR_lights_punctual" in extensions)
         if "mesh" in node:
-            parts += _parts(document, node, worlds[index], worlds, looks, findings)
-    findings.count("animations, left out: all is where the nodes put it", len(document.all("animations")))
-    if not there or not any("mesh" in document.one("nodes", index) for index in there):
+            names, motion = nodes.path(index), nodes.motion(index)
+            found = _parts(document, index, nodes, looks, findings)
+            parts += [replace(part, nodes=names, motion=motion) for part in found]
+    if asked.animation is None:
+        findings.count(ANIMATIONS, len(document.all("animations")))
+    if not any("mesh" in document.one("nodes", index) for index in nodes.there):
         raise Refused(f"it has {len(document.all('meshes'))} meshes, and none in its scene; accepted: at least one")
     if not parts:
         raise Refused("it has no faces; accepted: a mesh with at least one triangle")
     return parts
 
 
-def _worlds(document: Document) -> list[np.ndarray]:
-    """Where every node stands, float64 [4, 4]. Raises Refused for nodes that are no tree."""
-    nodes = document.all("nodes")
-    parents: dict[int, int] = {}
-    for parent, node in enumerate(nodes):
-        for child in node.get("children", []):
-            document.one("nodes", child)
-            if parents.setdefault(child, parent) != parent:
-                raise Refused(f"node {child} is below two others; accepted: a tree")
-    worlds = []
-    for index, node in enumerate(nodes):
-        world, above, steps = _local(node), parents.get(index), 0
-        while above is not None:
-            world, above, steps = _local(nodes[above]) @ world, parents.get(above), steps + 1
-            if steps > len(nodes):
-                raise Refused(f"node {index} is below itself; accepted: a tree")
-        worlds.append(world)
-    return worlds
-
-
-def _local(node: dict[str, Any]) -> np.ndarray:
-    """A node's own transform: its matrix, or scale, turn and translation in this order; float64 [4, 4]."""
-    if "matrix" in node:
-        pose = np.array(node["matrix"], np.float64).reshape(4, 4).T
-    else:
-        x, y, z, w = np.array(node.get("rotation", (0, 0, 0, 1)), np.float64) / max(
-            np.linalg.norm(node.get("rotation", 1)), 1e-300
-        )
-        pose = np.eye(4)
-        pose[:3, :3] = [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-        pose[:3, :3] *= np.array(node.get("scale", (1, 1, 1)), np.float64)
-        pose[:3, 3] = node.get("translation", (0, 0, 0))
-    if not np.isfinite(pose).all():
-        raise Refused("a node's transform is not finite; accepted: finite numbers")
-    return pose
-
-
-def _there(document: Document, findings: Findings) -> list[int]:
-    """Numbers of the nodes of the default scene."""
-    scenes = document.all("scenes")
-    if scenes:
-        default = document.json.get("scene", 0)
-        left = list(document.one("scenes", default).get("nodes", []))
-        if len(scenes) > 1:
-            findings.say(f"of {len(scenes)} scenes, number {default} is read, the default")
-    else:
-        children = {child for node in document.all("nodes") for child in node.get("children", [])}
-        left = [index for index in range(len(document.all("nodes"))) if index not in children]
-        if left:
-            findings.say("there is no scene: all nodes are read")
-    there: list[int] = []
-    while left:
-        index = left.pop(0)
-        there.append(index)
-        left = [*document.one("nodes", index).get("children", []), *left]
-    return there
-
-
-def _parts(
-    document: Document,
-    node: dict[str, Any],
-    world: np.ndarray,
-    worlds: list[np.ndarray],
-    looks: list[Look],
-    findings: Findings,
-) -> list[Part]:
+def _parts(document: Document, index: int, nodes: Nodes, looks: list[Look], findings: Findings) -> list[Part]:
     """The parts of a node's mesh, all its primitives together, so that none ends where another begins."""
+    node = document.one("nodes", index)
     mesh = document.one("meshes", node["mesh"])
     found = []
     for primitive in mesh["primitives"]:
@@ -135,7 +74,7 @@ def _parts(
         elif mode not in MODES:
             raise Refused(f"a primitive has mode {mode}; accepted: 0 to 6")
         else:
-            found.append(_primitive(document, primitive, node, mesh, world, worlds, looks, findings))
+            found.append(_primitive(document, primitive, index, nodes, looks, findings))
     found = [corners for corners in found if len(corners.place)]
     if not found:
         return []
@@ -146,15 +85,13 @@ def _parts(
 def _primitive(
     document: Document,
     primitive: dict[str, Any],
-    node: dict[str, Any],
-    mesh: dict[str, Any],
-    world: np.ndarray,
-    worlds: list[np.ndarray],
+    index: int,
+    nodes: Nodes,
     looks: list[Look],
     findings: Findings,
 ) -> surface.Corners:
     """A primitive's triangles in the scene's space. Raises Refused."""
-    attributes = primitive["attributes"]
+    node, attributes = document.one("nodes", index), primitive["attributes"]
     if "POSITION" not in attributes:
         raise Refused("a primitive has no POSITION; accepted: attributes with it")
     for extension in primitive.get("extensions", {}):
@@ -164,8 +101,8 @@ def _primitive(
     if not np.isfinite(places).all():
         raise Refused("a primitive has places that are no numbers; accepted: finite coordinates")
     normals = document.numbers(attributes["NORMAL"]) if "NORMAL" in attributes else None
-    places, normals = _morphed(document, primitive, node, mesh, places, normals, findings)
-    poses = _poses(document, attributes, node, world, worlds, findings)
+    places, normals = _morphed(document, primitive, node, places, normals, findings)
+    poses = _poses(document, attributes, index, nodes, findings)
     places, normals, mirrored = _moved(poses, places, normals)
 
     if "indices" in primitive:
@@ -219,7 +156,6 @@ def _morphed(
     document: Document,
     primitive: dict[str, Any],
     node: dict[str, Any],
-    mesh: dict[str, Any],
     places: np.ndarray,
     normals: np.ndarray | None,
     findings: Findings,
@@ -228,7 +164,7 @@ def _morphed(
     targets = primitive.get("targets", [])
     if not targets:
         return places, normals
-    weights = node.get("weights", mesh.get("weights", []))
+    weights = node.get("weights", document.one("meshes", node["mesh"]).get("weights", []))
     findings.say("meshes that can change their shape have the one that the file gives them")
     for weight, target in zip(weights, targets, strict=False):
         if weight and "POSITION" in target:
@@ -238,20 +174,14 @@ def _morphed(
     return places, normals
 
 
-def _poses(
-    document: Document,
-    attributes: dict[str, int],
-    node: dict[str, Any],
-    world: np.ndarray,
-    worlds: list[np.ndarray],
-    findings: Findings,
-) -> np.ndarray:
+def _poses(document: Document, attributes: dict[str, int], index: int, nodes: Nodes, findings: Findings) -> np.ndarray:
     """What puts vertices into the scene: the node's pose, [1, 4, 4], or that of the joints that each hangs on, [V, 4, 4]."""
+    node, world = document.one("nodes", index), nodes.world(index)
     if "skin" not in node or not {"JOINTS_0", "WEIGHTS_0"} <= set(attributes):
         return world[None]
     findings.say("meshes that hang on joints have the pose in which the file puts these")
     skin = document.one("skins", node["skin"])
-    joints = np.stack([worlds[joint] for joint in skin["joints"]])
+    joints = np.stack([nodes.world(joint) for joint in skin["joints"]])
     if "inverseBindMatrices" in skin:
         joints = joints @ document.numbers(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)[: len(joints)]
     poses, total, number = 0.0, 0.0, 0

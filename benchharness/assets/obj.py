@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from benchharness.assets import files, mtl, pictures, polygons, surface
-from benchharness.assets.asset import PLAIN, WHITE, Colour, Findings, Material, Part, Refused
+from benchharness.assets.asset import PLAIN, WHITE, Asked, Colour, Findings, Material, Part, Refused
 from benchharness.modelling import creases
 
 FREE_FORM = {"vp", "cstype", "deg", "surf", "curv", "curv2", "bmat", "trim", "hole", "scrv", "parm", "con"}
@@ -23,9 +23,9 @@ _COMMENT = re.compile(r"(^|\s)#.*")
 
 @dataclass
 class _Run:
-    """Faces of one material and smoothing group, before which there were so many places, coordinates and normals."""
+    """Faces of one kind and smoothing group, before which there were so many places, coordinates and normals."""
 
-    material: int
+    kind: int
     group: int
     before: tuple[int, int, int]
     lines: list[int] = field(default_factory=list)
@@ -65,26 +65,26 @@ class _Rows:
         return out
 
 
-def read(path: Path, findings: Findings) -> list[Part]:
-    """The parts of a file, as it stands. Raises Refused."""
+def read(path: Path, findings: Findings, asked: Asked) -> list[Part]:
+    """The parts of a file, as it stands: of one material each, and of one object and its groups if they are asked for. Raises
+    Refused."""
     places, uvs, normals = _Rows("v", 3), _Rows("vt", 1), _Rows("vn", 3)
-    rows, libraries, names = {"v": places, "vt": uvs, "vn": normals}, [], [""]
+    rows, libraries = {"v": places, "vt": uvs, "vn": normals}, []
     runs: list[_Run] = []
-    material, group = 0, creases.BY_ANGLE
+    kinds: list[tuple[str, tuple[str, ...]]] = [("", ("",))]  # materials; an object, and groups
+    kind, group = 0, creases.BY_ANGLE
     for number, word, rest in files.lines(files.text(path)):
         if word in rows:
             rows[word].add(number, rest)
         elif word in ("f", "fo"):
             before = len(places.lines), len(uvs.lines), len(normals.lines)
-            state = material, group, before
-            if not runs or (runs[-1].material, runs[-1].group, runs[-1].before) != state:
+            state = kind, group, before
+            if not runs or (runs[-1].kind, runs[-1].group, runs[-1].before) != state:
                 runs.append(_Run(*state))
             runs[-1].lines.append(number)
             runs[-1].faces.append((_COMMENT.sub("", rest) if "#" in rest else rest).split())
-        elif word == "usemtl":
-            if rest not in names:
-                names.append(rest)
-            material = names.index(rest)
+        elif word == "usemtl" or (word in ("o", "g") and asked.apart):
+            kind = _kind(kinds, kind, word, rest)
         elif word == "s":
             group = _group(rest)
         elif word == "mtllib":
@@ -97,7 +97,7 @@ def read(path: Path, findings: Findings) -> list[Part]:
         raise Refused(f"it has no faces, and {len(places.lines)} points; accepted: a mesh with at least one triangle")
     v, vt, vn = places.array(), uvs.array(), normals.array()
     colours, coloured = _colours(v, findings)
-    looks = _looks(path, libraries, names, PLAIN if colours is None else WHITE, findings)
+    looks = _looks(path, libraries, [name for name, _ in kinds], PLAIN if colours is None else WHITE, findings)
     corner, size, material, group = _faces(runs, (len(v), len(vt), len(vn)), findings)
     triangles, crossing = polygons.triangulated(v[corner[:, 0], :3], size)
     findings.count("polygons that cross themselves, cut as they come", crossing)
@@ -115,7 +115,18 @@ def read(path: Path, findings: Findings) -> list[Part]:
         colours=colours,
         group=group[owner],
     )
-    return surface.parts(corners, [look.material for look in looks], path.stem, findings)
+    nodes = [tuple(filter(None, names)) for _, names in kinds]
+    return surface.parts(corners, [look.material for look in looks], path.stem, findings, nodes)
+
+
+def _kind(kinds: list[tuple[str, tuple[str, ...]]], kind: int, word: str, rest: str) -> int:
+    """The number of the kind that faces are of from a line on; it is added where there was none."""
+    material, nodes = kinds[kind]
+    said = {"usemtl": (rest, nodes), "o": (material, (rest,)), "g": (material, (nodes[0], *rest.split()))}
+    new = said[word]
+    if new not in kinds:
+        kinds.append(new)
+    return kinds.index(new)
 
 
 def _group(said: str) -> int:
@@ -137,7 +148,7 @@ def _looks(path: Path, libraries: list[str], names: list[str], plain: Colour, fi
                 findings.say(f"material library {name} is missing: its materials are plain")
                 continue
             known = {**mtl.read(found, findings), **known}
-    unknown = sorted(name for name in names if name and name not in known)
+    unknown = sorted({name for name in names if name and name not in known})
     if unknown and (not libraries or known):
         findings.say(f"materials that no library has, and are plain: {', '.join(unknown)}")
     return [known.get(name, mtl.Look(Material(name, plain))) for name in names]
@@ -146,7 +157,7 @@ def _looks(path: Path, libraries: list[str], names: list[str], plain: Colour, fi
 def _faces(
     runs: list[_Run], there: tuple[int, int, int], findings: Findings
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Corners of all faces as in `_numbers`, and of each face how many it has, its material and its smoothing group."""
+    """Corners of all faces as in `_numbers`, and of each face how many it has, its kind and its smoothing group."""
     numbers, sizes, materials, groups = [], [], [], []
     for run in runs:
         size = np.array([len(face) for face in run.faces])
@@ -158,7 +169,7 @@ def _faces(
         lines = [line for line, keep in zip(run.lines, kept, strict=True) if keep]
         numbers.append(_numbers(faces, lines, run.before, there, findings))
         sizes.append(size[kept])
-        materials.append(np.full(len(faces), run.material))
+        materials.append(np.full(len(faces), run.kind))
         groups.append(np.full(len(faces), run.group))
     if not numbers:
         raise Refused("it has no faces of three corners; accepted: a mesh with at least one triangle")

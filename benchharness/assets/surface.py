@@ -74,8 +74,15 @@ class Corners:
         return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
 
 
-def parts(corners: Corners, materials: Sequence[Material], name: str, findings: Findings) -> list[Part]:
-    """One part for each material that a face has, none of what is nothing. Raises Refused for places that are not finite."""
+def parts(
+    corners: Corners,
+    materials: Sequence[Material],
+    name: str,
+    findings: Findings,
+    nodes: Sequence[tuple[str, ...]] | None = None,
+) -> list[Part]:
+    """One part for each material that a face has, none of what is nothing; `nodes` is what each hangs on, by material. Raises
+    Refused for places that are not finite."""
     if len(corners.place) == 0:
         return []
     corners = _real(_placed(corners), findings)
@@ -83,7 +90,8 @@ def parts(corners: Corners, materials: Sequence[Material], name: str, findings: 
         return []
     corners = _lit(corners, findings)
     findings.count(OFF, _off(corners))
-    return [_part(corners.of(corners.material == m), materials[m], name, findings) for m in np.unique(corners.material)]
+    found = [(m, _part(corners.of(corners.material == m), materials[m], name, findings)) for m in np.unique(corners.material)]
+    return [part if nodes is None else replace(part, nodes=nodes[m]) for m, part in found]
 
 
 def distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,78 +1,29 @@
 """Mesh files of a scene's table, put in their place: as objects, one for each material, and as mirrors.
 
 A file is first brought to z up (`up`) and metres (`unit`), then scaled, turned about x, y, z in this order, and moved; or
-turned and then brought to a size and a place, whatever its own (`fit`).
+turned and then brought to a size and a place, whatever its own (`fit`). All of it is: what an entry takes of it, by the names
+of nodes and materials, stands where it stands in the whole.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from benchharness.assets import reading
 from benchharness.assets.asset import Asset, Part, Refused
 from benchharness.scene import Mesh, Object, Texture, merged
+from benchharness.study import plugins
+from benchharness.study.entries import ObjectTable, Place, Placed, Taken, Vector
+from benchharness.study.moving import Motions
 
-METRES = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 HUGE, TINY = 200.0, 0.005  # metres: what is larger or smaller is said, as it may be meant in another unit
 MOST_SAID = 12  # findings of one file
-
-
-def _metres(given: Any) -> Any:
-    """A unit's metres, if it is given by its name."""
-    if isinstance(given, str) and given not in METRES:
-        raise ValueError(f"{', '.join(METRES)}, or a number of metres")
-    return METRES[given] if isinstance(given, str) else given
-
-
-Coordinate = Annotated[float, Field(ge=-1e9, le=1e9)]
-Vector = tuple[Coordinate, Coordinate, Coordinate]
-Share = Annotated[float, Field(ge=0, le=1)]
-Positive = Annotated[float, Field(gt=0, le=1e9)]
-Radiance = Annotated[float, Field(ge=0, le=1e9)]
-Unit = Annotated[Positive, BeforeValidator(_metres)]
-
-
-class Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
-
-
-class Fit(Table):
-    """centre of the box around a file, and the length of this box's longest side, in metres"""
-
-    centre: Vector = (0.0, 0.0, 0.0)
-    size: Positive
-
-
-class Placed(Table):
-    """A file and where it is. `up` is the axis that is up in it: None is y for glTF, and z for all others."""
-
-    name: str
-    mesh: str
-    up: Literal["y", "z"] | None = None
-    unit: Unit = 1.0
-    scale: Positive = 1.0
-    rotate_deg: Vector = (0.0, 0.0, 0.0)
-    translate: Vector = (0.0, 0.0, 0.0)
-    fit: Fit | None = None
-
-
-class ObjectTable(Placed):
-    """albedo, emission: None is what the file has"""
-
-    shows: str = ""
-    albedo: tuple[Share, Share, Share] | None = None
-    emission: tuple[Radiance, Radiance, Radiance] | None = None
-
-
-class ReflectorTable(Placed):
-    closed: str | None = None
-    eta: tuple[Positive, Positive, Positive] | None = None
-    k: tuple[Radiance, Radiance, Radiance] | None = None
-    normal_map: str | None = None
+MOST_NAMED = 40  # names of nodes or materials
 
 
 def read(path: Path, where: str, placed: Placed) -> Asset:
@@ -82,13 +33,76 @@ def read(path: Path, where: str, placed: Placed) -> Asset:
     if not path.is_file():
         raise ValueError(f"{where}: there is no file {path}; accepted: a path relative to the config")
     try:
-        return reading.read(path, placed.up)
+        return reading.read(path, placed.up, placed.asked())
     except Refused as error:
         raise ValueError(f"{where}: {path.parent}/{error}") from None
 
 
-def pose(asset: Asset, placed: Placed, where: str) -> np.ndarray:
-    """What takes a file's space to the scene's, float64 [4, 4]. Raises ValueError for a `fit` beside what it replaces."""
+class Files:
+    """The mesh files of a table, relative to a folder; each is read once for all entries that ask the same of it. `used`,
+    names of files and beginnings of findings, is what the table takes of them elsewhere: it is not said to be left out."""
+
+    def __init__(self, base: Path, used: Iterable[tuple[str | None, str]] = ()) -> None:
+        self.base, self._used = base, tuple(used)
+        self._read: dict[Any, Asset] = {}
+
+    def asset(self, name: str, where: str, placed: Placed) -> Asset:
+        """See `read`."""
+        key = name, placed.up, placed.asked()
+        if key not in self._read:
+            asset, used = read(self.base / name, where, placed), [said for file, said in self._used if file == name]
+            left = tuple(said for said in asset.findings if not said.startswith(tuple(used)))
+            self._read[key] = replace(asset, findings=left)
+        return self._read[key]
+
+    def path(self, name: str, where: str) -> Path:
+        """Of a file that is there. Raises ValueError."""
+        path = self.base / name
+        if not path.is_file():
+            raise ValueError(f"{where}: there is no file {path}; accepted: a path relative to the config")
+        return path
+
+
+def taken(asset: Asset, entry: Placed, where: str) -> Asset:
+    """What an entry takes of a file. Raises ValueError for names that are not there, with those that are, and for nothing."""
+    parts = _those(asset, entry, where)
+    for number, left in enumerate(entry.without):
+        key = f"{where}.without[{number}]"
+        if left.node is None and left.material is None:
+            raise ValueError(f"{key} names nothing; accepted: node, material or both")
+        gone = _those(asset, left, key)
+        parts = [part for part in parts if part not in gone]
+    if not parts:
+        raise ValueError(f"{where} takes nothing of {asset.path.name}; accepted: a `without` that leaves some of it")
+    return replace(asset, parts=tuple(parts))
+
+
+def _those(asset: Asset, named: Taken, where: str) -> list[Part]:
+    """The parts of nodes and materials; all, where neither is named."""
+    nodes = dict.fromkeys(name for part in asset.parts for name in part.nodes)
+    materials = dict.fromkeys(part.material.name for part in asset.parts if part.material.name)
+    for key, asked, there in (("node", named.node, nodes), ("material", named.material, materials)):
+        for name in asked or []:
+            if name not in there:
+                raise ValueError(f"{where}.{key} of {asset.path.name}: {_unknown(name, list(there))}")
+    found = [part for part in asset.parts if named.node is None or not set(named.node).isdisjoint(part.nodes)]
+    found = [part for part in found if named.material is None or part.material.name in named.material]
+    if not found:
+        raise ValueError(f"{where}: no part of {asset.path.name} is of that node and that material; accepted: one of the two")
+    return found
+
+
+def _unknown(name: str, there: list[str]) -> str:
+    """What is said of a name that a file does not have."""
+    more = [f"and {len(there) - MOST_NAMED} more"] if len(there) > MOST_NAMED else []
+    near = plugins.did_you_mean(plugins.close(name, there))
+    accepted = ", ".join([*there[:MOST_NAMED], *more]) or "none, as nothing in it has a name"
+    return f"{name!r} is unknown{near}; accepted: {accepted}"
+
+
+def pose(asset: Asset | None, placed: Place, where: str) -> np.ndarray:
+    """What takes a file's space to the scene's, float64 [4, 4]. The asset is needed for a `fit` alone. Raises ValueError for a
+    `fit` beside what it replaces."""
     turned = turn(placed.rotate_deg)
     out = np.eye(4)
     if placed.fit is None:
@@ -98,6 +112,7 @@ def pose(asset: Asset, placed: Placed, where: str) -> np.ndarray:
     beside = [name for name in ("unit", "scale", "translate") if name in placed.model_fields_set]
     if beside:
         raise ValueError(f"{where} has fit and {', '.join(beside)}; accepted: one of them")
+    assert asset is not None
     corners = np.concatenate([part.vertices @ turned.T for part in asset.parts])
     low, high = corners.min(axis=0), corners.max(axis=0)
     factor = placed.fit.size / float((high - low).max())
@@ -121,22 +136,24 @@ def mesh(asset: Asset, at: np.ndarray) -> Mesh:
     return merged(*(Mesh(part.vertices, part.faces, part.normals, uv=part.uv) for part in asset.parts)).transformed(at)
 
 
-def objects(asset: Asset, entry: ObjectTable, at: np.ndarray) -> tuple[list[Object], list[str]]:
-    """An object for every material of a file, or one if the table gives its albedo; and what has to be said of them."""
+def objects(asset: Asset, entry: ObjectTable, at: np.ndarray, motions: Motions | None = None) -> tuple[list[Object], list[str]]:
+    """An object for every material of what moves as one, or one of these if the table gives its albedo; and what has to be said
+    of them. Without `motions` they stand."""
     said: list[str] = []
     groups: dict[Any, list[Part]] = {}
     for part in asset.parts:
         m = part.material
         look = None if entry.albedo is not None else (m.name, m.base_colour, id(m.picture), m.wrap, m.emission, part.uv is None)
-        groups.setdefault(look, []).append(part)
+        motion = None if motions is None else motions.of(part)
+        groups.setdefault((look, motion), []).append(part)
     found: list[Object] = []
     made: dict[int, Texture] = {}
-    names = _names([parts[0].material.name for parts in groups.values()]) if len(groups) > 1 else [""]
-    for material, parts in zip(names, groups.values(), strict=True):
+    names = _names([_called(parts[0]) for parts in groups.values()]) if len(groups) > 1 else [""]
+    for material, ((_, motion), parts) in zip(names, groups.items(), strict=True):
         meshes = [Mesh(part.vertices, part.faces, part.normals, **_look(part, entry, made, said)) for part in parts]
         shown = entry.shows or " of ".join([material, asset.path.name] if material else [asset.path.name])
         name = f"{entry.name}/{material}" if material else entry.name
-        found.append(Object(name, merged(*meshes).transformed(at), shown))
+        found.append(Object(name, merged(*meshes).transformed(at), shown, motion))
     return found, list(dict.fromkeys(said))
 
 
@@ -151,6 +168,11 @@ def notes(kind: str, name: str, asset: Asset, at: np.ndarray, said: list[str]) -
     if len(said) > MOST_SAID:
         said = [*said[:MOST_SAID], f"and {len(said) - MOST_SAID} more"]
     return [f"{kind} {name}, {asset.path.name}: {'; '.join(said)}"] if said else []
+
+
+def _called(part: Part) -> str:
+    """The name of a part's material, after that of the node that moves it, if an animation does."""
+    return part.material.name if part.motion is None else "/".join(filter(None, (part.motion.name, part.material.name)))
 
 
 def _names(materials: list[str]) -> list[str]:

@@ -16,20 +16,35 @@ has the creases of its smoothing groups, or where its faces turn by more than 60
 object for each, `name/material`, in the colours and with the pictures that the file has; `albedo` and `emission` replace these,
 and an albedo makes it one object. Edges of objects longer than `h_max` metres, by default a twenty-fifth of the diagonal
 of the box around all objects, are split before anything else: light lives at vertices, and images of straight edges are curves
-that vertices follow. Objects do not move; the eye goes along `path` at even pace between its points.
+that vertices follow.
+
+`node` and `material`, a name or a list, take of a file only what is at or below such a node, or of such a material, and
+`without = {material = "glass"}` leaves it out: one file can hold a room and its mirrors. Nodes of OBJ are its objects and
+groups.
+
+What has `keys = [{time = 0}, {time = 2, translate = [1, 0, 0], rotate_deg = [0, 0, 90]}]` moves, objects and mirrors: at a key
+it is where an entry without keys is that says the same (`benchharness.study.moving`). The eye goes along `path` at even pace
+between its points; or from key to key, `keys = [{time = 0, eye = [0, -4, 1.5], target = [0, 0, 1]}, ...]`, with `target`,
+`fov_deg` and `up` of the keys or of the camera. Times are seconds, frame i being at i / `fps`; all is held beyond the first key
+and the last. Light is that of time 0: shadows do not follow what moves.
+
+Of glTF, `animation = "name"`, or its number, moves and turns the nodes of an object or a mirror; what it bends or sizes is
+refused. `camera = {file = "room.glb", node = "eye"}` is a camera of such a file, in the place that `scale` and the others give
+to that file, moved by an `animation` of its own.
+
+`lights = [{position = [0, 0, 2], intensity = [5, 5, 5]}]` are points that shine, at most four, which stand still; `{file =
+"room.glb"}` among them is the point lights of that file (KHR_lights_punctual), where `scale` and the others put it. Their light
+is baked with that of all else.
 
 In place of `background`, `environment = "sky.exr"` names a panorama (latitude and longitude, EXR or HDR, linear) as it is
 photographed, straight up in its first row and +x at its left and right ends, +y a quarter from the right; taken at
 `environment_centre`, by default the origin.
-
-`normal_map = "waves.png"` of a reflector is a picture of numbers that turn its normals, at the uv of its file
-(`benchharness.modelling.normalmap`).
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -37,26 +52,23 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, ValidationError
 
+from benchharness.assets.gltf import ANIMATIONS, CAMERAS, LIGHTS
 from benchharness.modelling.winding import is_closed
-from benchharness.scene import Camera, Environment, Reflector, Scene, subdivided
-from benchharness.study import normalmaps, placed, plugins
-from benchharness.study.placed import Fit, ObjectTable, Positive, Radiance, ReflectorTable, Table, Vector
+from benchharness.scene import Environment, Object, Reflector, Scene, subdivided
+from benchharness.study import lighting, moving, normalmaps, placed, plugins, viewing
+from benchharness.study.entries import Fit, Key, ObjectTable, Placed, Positive, Radiance, ReflectorTable, Table, Taken, Vector
+from benchharness.study.lighting import LightTable
+from benchharness.study.viewing import CameraKey, CameraTable
 
 PANORAMAS = (".exr", ".hdr")
 SPLIT = 1 / 25  # of the diagonal of all objects: the longest edge, if nothing is said
-
-
-class CameraTable(Table):
-    path: Annotated[list[Vector], Field(min_length=1)]
-    target: Vector
-    fov_deg: Annotated[float, Field(gt=0, lt=180)]
-    up: Vector = (0.0, 0.0, 1.0)
 
 
 class SceneTable(Table):
     objects: Annotated[list[ObjectTable], Field(min_length=1)]
     reflectors: Annotated[list[ReflectorTable], Field(min_length=1)]
     camera: CameraTable
+    lights: list[LightTable] = Field(default_factory=list)
     frames: Annotated[int, Field(ge=1, le=100_000)] = 1
     fps: Positive = 25.0
     near: Positive | None = None
@@ -68,6 +80,19 @@ class SceneTable(Table):
     h_max: Positive | None = None
 
 
+TABLES: dict[str, type[Table]] = {
+    "objects": ObjectTable,
+    "reflectors": ReflectorTable,
+    "camera": CameraTable,
+    "camera.keys": CameraKey,
+    "fit": Fit,
+    "without": Taken,
+    "keys": Key,
+    "lights": LightTable,
+}
+"""What a key of a table is itself, for who asks which keys it may have."""
+
+
 def validated(table: dict[str, Any], where: str) -> SceneTable:
     """The table, checked. Raises ValueError that names the key, its value and what would be accepted."""
     try:
@@ -76,9 +101,8 @@ def validated(table: dict[str, Any], where: str) -> SceneTable:
         error = failed.errors()[0]
     place = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in error["loc"])
     if error["type"] == "extra_forbidden":
-        sections = {"objects": ObjectTable, "reflectors": ReflectorTable, "camera": CameraTable}
-        model = sections[str(error["loc"][0])] if len(error["loc"]) > 1 else SceneTable
-        model = Fit if "fit" in error["loc"][:-1] else model
+        tables = [step for step in error["loc"][:-1] if isinstance(step, str)]
+        model = TABLES.get(".".join(tables)) or TABLES[tables[-1]] if tables else SceneTable
         above = place.rpartition(".")[0]
         raise ValueError(f"{where}{above}: key {plugins.unknown(list(error['loc'])[-1], model.model_fields)}")
     if error["type"] == "missing":
@@ -94,35 +118,25 @@ def build(name: str, table: SceneTable, base: Path, where: str) -> Scene:
 def built(name: str, table: SceneTable, base: Path, where: str) -> tuple[Scene, list[str]]:
     """The same, and sentences about what was mended of its files, or left out."""
     objects, reflectors, notes = [], [], []
+    used: list[tuple[str | None, str]] = [(table.camera.file, CAMERAS), *((light.file, LIGHTS) for light in table.lights)]
+    used += [(e.mesh, ANIMATIONS) for e in (*table.objects, *table.reflectors) if e.animation is not None]
+    files, last = placed.Files(base, used), (table.frames - 1) / table.fps
     for number, entry in enumerate(table.objects):
-        key = f"{where}.objects[{number}]"
-        asset = placed.read(base / entry.mesh, f"{key}.mesh", entry)
-        at = placed.pose(asset, entry, key)
-        found, said = _made(placed.objects, f"{key}.mesh: {base / entry.mesh}", asset, entry, at)
+        found, said = _objects(files, entry, f"{where}.objects[{number}]")
         objects += found
-        notes += placed.notes("object", entry.name, asset, at, said)
+        notes += said
     for number, entry in enumerate(table.reflectors):
-        key = f"{where}.reflectors[{number}]"
-        if (entry.eta is None) != (entry.k is None):
-            raise ValueError(f"{key} has only one of eta and k; accepted: both (a conductor) or none (an ideal mirror)")
-        asset = placed.read(base / entry.mesh, f"{key}.mesh", entry)
-        at = placed.pose(asset, entry, key)
-        mesh = _made(placed.mesh, f"{key}.mesh: {base / entry.mesh}", asset, at)
-        turned, said = None, []
-        if entry.normal_map is not None:
-            turned, said = normalmaps.read(base / entry.normal_map, f"{key}.normal_map", mesh)
-        notes += placed.notes("mirror", entry.name, asset, at, said)
-        closed = None
-        if entry.closed is not None:
-            around = placed.read(base / entry.closed, f"{key}.closed", entry)
-            closed = _made(placed.mesh, f"{key}.closed: {base / entry.closed}", around, at)
-            if not is_closed(closed):
-                raise ValueError(f"{key}.closed: {entry.closed} is not watertight; accepted: every edge has two faces")
-        reflectors.append(Reflector(entry.name, mesh, closed, entry.eta, entry.k, normal_map=turned))
+        mirror, said = _mirror(files, entry, f"{where}.reflectors[{number}]")
+        reflectors.append(mirror)
+        notes += said
     for kind, names in [("objects", [o.name for o in objects]), ("reflectors", [r.name for r in reflectors])]:
         twice = sorted({n for n in names if names.count(n) > 1})
         if twice:
             raise ValueError(f"{where}.{kind}: the name {twice[0]!r} is there twice; accepted: one part per name")
+    camera, said = viewing.camera(table.camera, files, last, f"{where}.camera")
+    lights, words = lighting.lights(table.lights, files, f"{where}.lights")
+    notes += [*said, *words]
+    notes += _unseen([*(part.motion for part in (*objects, *reflectors)), camera], table, last)
     environment = _environment(table, base, where)
     corners = np.concatenate([o.mesh.vertices for o in objects])
     h_max = table.h_max or SPLIT * float(np.linalg.norm(np.ptp(corners, axis=0)))
@@ -134,7 +148,7 @@ def built(name: str, table: SceneTable, base: Path, where: str) -> tuple[Scene, 
         name=name,
         objects=split,
         reflectors=tuple(reflectors),
-        camera=_camera(table),
+        camera=camera,
         frames=table.frames,
         fps=table.fps,
         near=table.near,
@@ -143,8 +157,51 @@ def built(name: str, table: SceneTable, base: Path, where: str) -> tuple[Scene, 
         exposure=table.exposure,
         source=table.model_dump(mode="json"),
         environment=environment,
+        lights=lights,
     )
     return scene, notes
+
+
+def _objects(files: placed.Files, entry: ObjectTable, key: str) -> tuple[list[Object], list[str]]:
+    """The objects of an entry, and what has to be said of them."""
+    asset = files.asset(entry.mesh, f"{key}.mesh", entry)
+    at = placed.pose(asset, entry, key)
+    asset = placed.taken(asset, entry, key)
+    motions = moving.Motions(asset, entry, at, key)
+    found, said = _made(placed.objects, f"{key}.mesh: {files.base / entry.mesh}", asset, entry, at, motions)
+    return found, placed.notes("object", entry.name, asset, at, said)
+
+
+def _mirror(files: placed.Files, entry: ReflectorTable, key: str) -> tuple[Reflector, list[str]]:
+    """The mirror of an entry, and what has to be said of it."""
+    if (entry.eta is None) != (entry.k is None):
+        raise ValueError(f"{key} has only one of eta and k; accepted: both (a conductor) or none (an ideal mirror)")
+    asset = files.asset(entry.mesh, f"{key}.mesh", entry)
+    at = placed.pose(asset, entry, key)
+    asset = placed.taken(asset, entry, key)
+    motion = moving.Motions(asset, entry, at, key).of_all()
+    mesh = _made(placed.mesh, f"{key}.mesh: {files.base / entry.mesh}", asset, at)
+    turned, said = None, []
+    if entry.normal_map is not None:
+        turned, said = normalmaps.read(files.base / entry.normal_map, f"{key}.normal_map", mesh)
+    closed = None
+    if entry.closed is not None:
+        shape = Placed(name=entry.name, mesh=entry.closed, up=entry.up)
+        around = files.asset(entry.closed, f"{key}.closed", shape)
+        closed = _made(placed.mesh, f"{key}.closed: {files.base / entry.closed}", around, at)
+        if not is_closed(closed):
+            raise ValueError(f"{key}.closed: {entry.closed} is not watertight; accepted: every edge has two faces")
+    mirror = Reflector(entry.name, mesh, closed, entry.eta, entry.k, motion, normal_map=turned)
+    return mirror, placed.notes("mirror", entry.name, asset, at, said)
+
+
+def _unseen(ways: Iterable[Any], table: SceneTable, last: float) -> list[str]:
+    """A sentence where motions go on after the last frame."""
+    end = max((getattr(way, "end", 0.0) for way in ways), default=0.0)
+    if end <= last + 1 / table.fps:
+        return []
+    said = f"what moves goes on to {end:.4g} s, and {table.frames} frames at {table.fps:g} a second to {last:.4g} s"
+    return [f"{said}: see `frames`"]
 
 
 def _environment(table: SceneTable, base: Path, where: str) -> Environment | None:
@@ -179,16 +236,3 @@ def _made(make: Callable, what: str, *arguments: Any) -> Any:
         return make(*arguments)
     except ValueError as error:
         raise ValueError(f"{what}: {error}") from None
-
-
-def _camera(table: SceneTable) -> Any:
-    """Time in seconds -> Camera: the first eye at frame 0, the last at the last frame."""
-    path, camera = np.array(table.camera.path), table.camera
-    last = (table.frames - 1) / table.fps
-
-    def at(time: float) -> Camera:
-        along = 0.0 if last == 0 else min(max(time / last, 0.0), 1.0) * (len(path) - 1)
-        x, y, z = (float(np.interp(along, np.arange(len(path)), path[:, axis])) for axis in range(3))
-        return Camera((x, y, z), camera.target, camera.fov_deg, camera.up)
-
-    return at
