@@ -45,6 +45,8 @@ def of_scene(scene: Scene) -> str:
         _add(digest, [constant])
     if scene.lights:
         digest.update(json.dumps(["lights", [[light.position, light.intensity] for light in scene.lights]]).encode())
+    if scene.lightmaps:
+        digest.update(b"lightmaps")
     if scene.environment is not None:
         digest.update(f"environment {scene.environment.ground}".encode())
         _add(digest, scene.environment.radiance)
@@ -88,6 +90,10 @@ def _add_mesh(digest: Any, mesh: Mesh) -> None:
         digest.update(" ".join(("texture", *mesh.texture.along)).encode())
         _add(digest, mesh.uv)
         _add(digest, np.round(65535 * mesh.texture.pixels).astype(np.uint16))
+    if mesh.light is not None and mesh.light_at is not None:
+        digest.update(b"light")
+        _add(digest, mesh.light_at)
+        _add(digest, mesh.light.samples)
 
 
 def _add(digest: Any, values: ArrayLike) -> None:
