@@ -14,9 +14,9 @@ or refused; what was mended or left out is said. The scene is right-handed, z up
 `rotate_deg`, `translate` and `fit` bring files there (`benchharness.study.placed`). A file's own normals are kept; one without
 has the creases of its smoothing groups, or where its faces turn by more than 60 degrees. A file of several materials is an
 object for each, `name/material`, in the colours and with the pictures that the file has; `albedo` and `emission` replace these,
-and an albedo makes it one object. Edges of objects longer than `h_max` metres, by default a twenty-fifth of the diagonal
-of the box around all objects, are split before anything else: light lives at vertices, and images of straight edges are curves
-that vertices follow. Objects do not move; the eye goes along `path` at even pace between its points.
+and an albedo makes it one object. Light does not hang on how finely they are cut (`benchharness.render.bake`). Edges of objects
+longer than `h_max` metres are split before anything else, if that is said: images of straight edges are curves, which some
+methods draw straight from vertex to vertex. Objects do not move; the eye goes along `path` at even pace between its points.
 
 In place of `background`, `environment = "sky.exr"` names a panorama (latitude and longitude, EXR or HDR, linear) as it is
 photographed, straight up in its first row and +x at its left and right ends, +y a quarter from the right; taken at
@@ -40,7 +40,6 @@ from benchharness.study import placed, plugins
 from benchharness.study.placed import Fit, ObjectTable, Positive, Radiance, ReflectorTable, Table, Vector
 
 PANORAMAS = (".exr", ".hdr")
-SPLIT = 1 / 25  # of the diagonal of all objects: the longest edge, if nothing is said
 
 
 class CameraTable(Table):
@@ -118,15 +117,14 @@ def built(name: str, table: SceneTable, base: Path, where: str) -> tuple[Scene, 
         if twice:
             raise ValueError(f"{where}.{kind}: the name {twice[0]!r} is there twice; accepted: one part per name")
     environment = _environment(table, base, where)
-    corners = np.concatenate([o.mesh.vertices for o in objects])
-    h_max = table.h_max or SPLIT * float(np.linalg.norm(np.ptp(corners, axis=0)))
     try:
-        split = tuple(replace(o, mesh=subdivided(o.mesh, h_max)) for o in objects)
+        if table.h_max is not None:
+            objects = [replace(o, mesh=subdivided(o.mesh, table.h_max)) for o in objects]
     except ValueError as error:
         raise ValueError(f"{where}.objects: {error}") from None
     scene = Scene(
         name=name,
-        objects=split,
+        objects=tuple(objects),
         reflectors=tuple(reflectors),
         camera=_camera(table),
         frames=table.frames,
@@ -137,6 +135,7 @@ def built(name: str, table: SceneTable, base: Path, where: str) -> tuple[Scene, 
         exposure=table.exposure,
         source=table.model_dump(mode="json"),
         environment=environment,
+        lightmaps=True,
     )
     return scene, notes
 
