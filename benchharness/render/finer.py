@@ -27,7 +27,7 @@ from benchharness.modelling.lightmesh import DEEPEST, LightMesh, cut, filled, se
 LONGEST = 1 / 25, 1 / 4  # of the diagonal of all objects, and of that of the object itself
 SHORTEST = 1 / 250, 1 / 1000  # of the diagonal of all objects: at most, however large mirrors are, and at least, however small
 BESIDE = 1 / 20  # of the smallest mirror's half diagonal: what is seen beside it, and in it
-TOLERANCE = 0.04
+TOLERANCE = 0.03
 BATCHES, SURE = 8, 3.0  # of paths, and standard errors of their mean
 ROUNDS = 8  # of cuts for light: more than there are halves between the longest sides and the shortest
 JUMP = 8.0  # times that, between the corners of a triangle that was not cut yet
