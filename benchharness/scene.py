@@ -7,9 +7,9 @@ Surfaces are diffuse, one-sided in spirit and two-sided in effect: a mesh whose 
 is one of vertices, interpolated, times that of a picture where there is one (`Texture`).
 Light comes from objects that emit (``Mesh.emission``), from ``Scene.lights`` and from the surroundings at infinity, one
 colour (``Scene.background``) or a panorama (``Scene.environment``). What a surface sends back is not stored by the author
-but baked (``benchharness.render.bake``) into ``Mesh.radiance``, so that every method sees the same light; a picture colours it
-where it is seen, finer than there are vertices. Only highlights, of point lights on objects with ``Gloss``, depend on where one
-looks from.
+but baked (``benchharness.render.bake``) into ``Mesh.radiance``, or finer than there are vertices into ``Mesh.light``, so that
+every method sees the same light; a picture colours it where it is seen. Only highlights, of point lights on objects with
+``Gloss``, depend on where one looks from.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from functools import cached_property
 import numpy as np
 
 from benchharness.modelling import normalmap
+from benchharness.modelling.lightmap import LightMap as LightMap
 from benchharness.modelling.panorama import Environment as Environment
 from benchharness.modelling.panorama import read_only
 from benchharness.modelling.subdivision import split_edges
@@ -31,7 +32,8 @@ Motion = Callable[[float], np.ndarray]
 
 NEAR = 1e-3  # of a mirror's half diagonal
 MOST_LIGHTS = 4  # point lights of a scene: their visibilities at a vertex are one packet of 4 floats on the device
-PER_VERTEX = ("normals", "albedo", "emission", "radiance", "visibility", "uv")  # what a mesh carries, where it has it
+PER_VERTEX = ("normals", "albedo", "emission", "radiance", "visibility", "uv", "light_at")
+"""What a mesh carries, where it has it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +50,11 @@ class Mesh:
     uv         float64 [V, 2], where in the texture, or a mirror's normal map, a vertex is; one on a seam comes twice. None for
                a mesh without
     texture    colours what leaves the surface, a factor of the albedo that differs point by point. A mirror's is not looked at
+    light      baked radiance on grids of triangles, finer than there are vertices: what those show that have one; else None
+    light_at   float64 [V, 2], where in `light` a vertex is, negative for one of no grid. Triangles with grids share no vertices
 
     None of them can be written to: whoever wants another mesh makes one. Raises ValueError for no faces, non-finite numbers,
-    indices out of range, and a texture without uv or on a mesh that emits.
+    indices out of range, a texture without uv or on a mesh that emits, and light that has no place.
     """
 
     vertices: np.ndarray
@@ -62,6 +66,8 @@ class Mesh:
     visibility: np.ndarray | None = None
     uv: np.ndarray | None = None
     texture: Texture | None = None
+    light: LightMap | None = None
+    light_at: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         vertices = np.ascontiguousarray(self.vertices, np.float64)
@@ -96,15 +102,18 @@ class Mesh:
             if not ((visibility >= 0) & (visibility <= 1)).all():
                 raise ValueError("mesh: visibility is not within 0 and 1; accepted: the share of a light that is seen")
             object.__setattr__(self, "visibility", read_only(visibility))
-        if self.uv is not None:
-            uv = np.ascontiguousarray(self.uv, np.float64)
-            if uv.shape != (len(vertices), 2) or not np.isfinite(uv).all():
-                raise ValueError(f"mesh: uv has shape {uv.shape}; accepted: finite numbers [{len(vertices)}, 2]")
-            object.__setattr__(self, "uv", read_only(uv))
+        for name in ("uv", "light_at"):
+            if (given := getattr(self, name)) is not None:
+                there = np.ascontiguousarray(given, np.float64)
+                if there.shape != (len(vertices), 2) or not np.isfinite(there).all():
+                    raise ValueError(f"mesh: {name} has shape {there.shape}; accepted: finite numbers [{len(vertices)}, 2]")
+                object.__setattr__(self, name, read_only(there))
         if self.texture is not None and self.uv is None:
             raise ValueError("mesh: it has a texture and no uv; accepted: where in the texture each vertex is, [V, 2]")
         if self.texture is not None and np.any(self.emission):
             raise ValueError("mesh: it has a texture and emits; accepted: one of the two")
+        if self.light is not None and self.light_at is None:
+            raise ValueError("mesh: it has light and no light_at; accepted: where in it each vertex is, [V, 2]")
 
     @staticmethod
     def _per_vertex(name: str, value, n: int) -> np.ndarray:
@@ -137,11 +146,12 @@ def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 def merged(*meshes: Mesh) -> Mesh:
     """One mesh out of several, in their order; radiance, visibility (of as many lights) and uv are kept if all have them.
 
-    Raises ValueError for meshes of different textures: such stay apart.
+    Raises ValueError for meshes of different textures or light maps: such stay apart.
     """
-    textures = {m.texture for m in meshes}
-    if len(textures) > 1:
-        raise ValueError(f"merged: meshes have {len(textures)} textures, none being one; accepted: the same for all, or none")
+    for name, what in (("texture", "textures"), ("light", "light maps")):
+        count = len({getattr(m, name) for m in meshes})
+        if count > 1:
+            raise ValueError(f"merged: meshes have {count} {what}, none being one; accepted: the same for all, or none")
     starts = np.cumsum([0] + [len(m.vertices) for m in meshes])
 
     def stacked(name: str) -> np.ndarray | None:
@@ -154,6 +164,7 @@ def merged(*meshes: Mesh) -> Mesh:
         faces=np.concatenate([m.faces + start for m, start in zip(meshes, starts, strict=False)]),
         **{name: stacked(name) for name in PER_VERTEX},  # pyright: ignore[reportArgumentType]
         texture=meshes[0].texture,
+        light=meshes[0].light,
     )
 
 
@@ -172,7 +183,7 @@ def subdivided(mesh: Mesh, h_max: float) -> Mesh:
     ends = np.cumsum([value.shape[1] for value in carried.values()])[:-1]
     split = dict(zip(carried, np.split(columns, ends, axis=1), strict=True))
     split["normals"] = split["normals"] / np.maximum(np.linalg.norm(split["normals"], axis=1, keepdims=True), 1e-300)
-    return Mesh(vertices=v, faces=f, **split, texture=mesh.texture)
+    return Mesh(vertices=v, faces=f, **split, texture=mesh.texture, light=mesh.light)
 
 
 @dataclass(frozen=True)
@@ -321,6 +332,7 @@ class Scene:
     detail      "lean" or "paper"
     h_max       edges of objects longer than this, in metres, are split after baking (`refined`); None: no splitting
     lights      point lights; ValueError for more than MOST_LIGHTS
+    lightmaps   whether light is baked finer than there are vertices, where it asks for it; else at vertices alone
     unit        metres that a unit of length of this scene stands for, and
     origin      [3] where its origin is, in metres of the author's scene: other than 1 and 0 only where the harness moved it
                 (`benchharness.render.normalisation`)
@@ -344,6 +356,7 @@ class Scene:
     environment: Environment | None = None
     unit: float = 1.0
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    lightmaps: bool = False
 
     def __post_init__(self) -> None:
         if len(self.lights) > MOST_LIGHTS:

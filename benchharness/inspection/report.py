@@ -77,7 +77,8 @@ def _part(part: Object | Reflector, scene: Scene, size: tuple[int, int]) -> Iter
     for text in surfacefacts.faults(facts, mirror=mirror):
         yield Note(f"{part.name}: {text}", wrong=True)
     longest = longest_edge_px(part, scene, size)
-    if not mirror and longest > WIDE * size[1] and part.mesh.radiance is None and scene.h_max is None:
+    coarse = longest > WIDE * size[1] and part.mesh.radiance is None and scene.h_max is None
+    if coarse and not mirror and not scene.lightmaps:
         text = f"{part.name}: edges of up to {longest:.0f} px, the picture being {size[1]} high, and light at their ends alone"
         yield Note(f"{text}: shadows on it are as coarse as that (h_max splits it)", wrong=True)
 

@@ -40,7 +40,7 @@ def scenes(path: Path) -> Iterator[tuple[Scene, list[str]]]:
     shape = trimesh.creation.icosphere(subdivisions=4, radius=0.7 * HALF)
     beside = HALF * np.array([2.0, 0.3, 0.7])
     ball = Mesh(shape.vertices + beside, shape.faces, shape.vertices / (0.7 * HALF))
-    common: dict = {"frames": 1, "camera": lambda time: camera, "environment": _surroundings()}
+    common: dict = {"frames": 1, "camera": lambda time: camera, "environment": _surroundings(), "lightmaps": True}
     yield Scene(f"{path.stem} seen", (_ground(), *objects), (Reflector("ball", ball),), **common), notes
     mirror = Reflector(path.stem, standing(placed.mesh(asset, np.eye(4))))
     yield Scene(f"{path.stem} as a mirror", (_ground(),), (mirror,), **common), []

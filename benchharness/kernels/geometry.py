@@ -5,7 +5,7 @@
                 places matter
     faces       4 integers per triangle: three vertices, number of the part (and raster.CLOSED, see `part_of`)
     shine       what highlights need beside (`kernels.lighting`), None for a scene without: then nothing of it is compiled
-    paint       what textures need beside (`kernels.painting`), likewise; radiance is without them
+    paint       what textures and light maps need beside (`kernels.painting`), likewise; radiance is without them
     normal_maps  of mirrors (`kernels.normalmap`), likewise; normals are without them. `of_scene` has none
 
 One vertex or one triangle is one packet load of 16 bytes. `upload` and `of_scene` give object space, `placed` world space.
@@ -123,7 +123,7 @@ def radiance(triangles: Geometry, face: mi.Vector4u, weights: mi.Vector3f, viewe
     value = raster.interpolate(triangles.attributes, face, weights, active)
     L = mi.Color3f(value.x, value.y, value.z)
     if triangles.paint is not None:
-        L *= painting.colour(triangles.paint, part_of(face), face, weights, active)
+        L = painting.seen(triangles.paint, L, part_of(face), face, weights, active)
     if triangles.shine is None:
         return L
     spot = lighting.Spot(triangles.points, face, part_of(face), weights)

@@ -20,7 +20,8 @@ NO_AREA = 1e-6  # of the product of two sides' lengths in uv: less is the roundi
 
 def maps_of(scene: SceneLike) -> painting.Paint | None:
     """The normal maps of a scene's mirrors; None where there are none."""
-    return painting.of_parts([*((o.mesh, None) for o in scene.objects), *((r.mesh, r.normal_map) for r in scene.reflectors)])
+    smooth = [(o.mesh, None, None) for o in scene.objects]
+    return painting.of_parts([*smooth, *((r.mesh, r.normal_map, None) for r in scene.reflectors)])
 
 
 def refusal(reflectors: Sequence[Any]) -> str | None:

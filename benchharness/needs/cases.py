@@ -13,8 +13,8 @@ from benchharness.render.bake import bake
 from benchharness.scene import Scene, refined
 from benchharness.study import plugins
 from benchharness.study.methods import Entry
-from benchharness.study.tablescene import SPLIT
 
+SPLIT = 1 / 25  # of the diagonal of a scene: longest edges for a method that splits none
 SHARES = (10, 20, 40, 80)  # of the diagonal of a scene: longest edges
 MOST_VERTICES = 120_000  # that a scene is split into
 PATHS = (32, 128, 512)  # per vertex, of the light
@@ -96,7 +96,7 @@ def _split(scene: Scene) -> dict[str, Scene]:
 
 def of_light(name: str, method: Method, scene: Scene, seed: int) -> Turn:
     """Ever more paths per vertex, for one method."""
-    bare = replace(scene, objects=tuple(replace(o, mesh=replace(o.mesh, radiance=None)) for o in scene.objects))
+    bare = replace(scene, objects=tuple(replace(o, mesh=replace(o.mesh, radiance=None, light=None)) for o in scene.objects))
     cases: list[tuple[Callable[[], Scene], Method]] = [(lambda n=n: bake(bare, spp=n, seed=seed), method) for n in PATHS]
     return Turn(name, LIGHT, "", [str(n) for n in PATHS], cases, {})
 

@@ -1,4 +1,4 @@
-"""Coarser meshes that stand for one: fewer triangles, which carry the light and the normals of what they stand for."""
+"""Coarser meshes that stand for one: fewer triangles, which carry its normals, and its light at their vertices."""
 
 from __future__ import annotations
 
@@ -28,6 +28,10 @@ def _carrying(level: levels.Level, mesh: Mesh) -> Mesh:
         for name in PER_VERTEX
         if getattr(mesh, name) is not None
     }
+    places = table.pop("light_at", None)
+    if mesh.light is not None and places is not None:  # of vertices from here on: what lies on several grids lies on none
+        own = (places < 0).any(axis=1)[:, None]
+        table["radiance"] = np.where(own, table["radiance"], mesh.light.looked_up(places))
     if "visibility" in table:
         table["visibility"] = table["visibility"].clip(0, 1)  # sums of weights round
     if mesh.texture is not None and mesh.uv is not None:

@@ -15,6 +15,11 @@ faces, one at the vertex, zero at its neighbours. A vertex thus stands for its n
 another surface is not black. Points inside a closed part of the scene (floor under a table leg) are not counted; a
 vertex that has no other point takes the mean of its neighbours.
 
+With `Scene.lightmaps`, light is found in the same way at more places than vertices (`benchharness.render.finer`), so that it
+does not hang on how finely surfaces are cut: a floor of two triangles is lit as one of thousands. The scene itself is not cut.
+What is seen is what a mesh cut there would show, and it is kept in maps (`benchharness.modelling.lightmap`). Vertices have
+light all the same, for triangles that are small, and for whoever looks at nothing else.
+
 Where there are highlights (`Scene.glossy`), the share of each point light that is seen is baked too: over the same points,
 as far as their faces are turned to the light. So a shadow's edge is as wide as the triangles it is drawn with, and a curved
 mesh does not shade itself in facets where it turns away; there the normals make an end. A vertex without such a point
@@ -35,7 +40,9 @@ What is traced is the normalised scene (`benchharness.render.normalisation`), wh
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import drjit as dr
 import mitsuba as mi
@@ -44,7 +51,9 @@ from scipy.stats import qmc
 
 import benchharness.cache as cache
 import benchharness.render.mitsuba_scene as mitsuba_scene
-from benchharness.modelling import winding
+from benchharness.modelling import lightmesh, winding
+from benchharness.modelling.lightmesh import LightMesh, filled
+from benchharness.render import finer, lightmaps
 from benchharness.render.normalisation import normalised
 from benchharness.scene import Mesh, PointLight, Scene
 
@@ -53,8 +62,8 @@ LANES = 1 << 20
 
 
 def bake(scene: Scene, spp: int = 512, max_depth: int = 6, seed: int = 0) -> Scene:
-    """The scene with `radiance` set in every mesh, a reflector's is zero; and the objects' `visibility` if it is glossy. Cached
-    by content.
+    """The scene with `radiance` set in every mesh, a reflector's is zero; the objects' `visibility` if it is glossy, and
+    `light` if it has lightmaps: then triangles do not share all vertices that they shared. Cached by content.
 
     spp        paths per vertex; a power of two serves the Sobol' points best
     max_depth  segments of a path, counted from the vertex: 1 is light that comes straight from emitters
@@ -67,34 +76,66 @@ def bake(scene: Scene, spp: int = 512, max_depth: int = 6, seed: int = 0) -> Sce
             raise ValueError(f"bake: {name} is {value!r}; accepted: whole numbers from {least}")
     local = normalised(scene)
     key = cache.content_hash(
-        cache.source_hash(__file__, winding.__file__, *mitsuba_scene.SOURCES),
+        cache.source_hash(__file__, winding.__file__, lightmesh.__file__, *mitsuba_scene.SOURCES),
         (mi.__version__, mi.variant()),
         mitsuba_scene.fingerprint(local, 0.0, "transport"),
         (int(spp), int(max_depth), int(seed)),
+        [cache.source_hash(*lightmaps.SOURCES)] if scene.lightmaps else [],
     )
     baked = cache.cached("bake", key, lambda: _light(local, int(spp), int(max_depth), int(seed)))
-    objects, start = [], 0
-    for part in scene.objects:
-        end = start + len(part.mesh.vertices)
-        objects.append(replace(part, mesh=replace(part.mesh, **{name: a[start:end] for name, a in baked.items()})))
-        start = end
+    meshes = [part.mesh for part in scene.objects]
+    meshes = (lightmaps.applied if scene.lightmaps and scene.objects else _applied)(meshes, baked)
+    objects = (replace(part, mesh=mesh) for part, mesh in zip(scene.objects, meshes, strict=True))
     black = np.zeros(3)
     reflectors = [replace(part, mesh=replace(part.mesh, radiance=black)) for part in scene.reflectors]
     return replace(scene, objects=tuple(objects), reflectors=tuple(reflectors))
 
 
+def _applied(meshes: Sequence[Mesh], arrays: cache.Arrays) -> list[Mesh]:
+    """The meshes with what was found at their vertices, in a row."""
+    ends = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    rows = [{name: a[start:end] for name, a in arrays.items()} for start, end in pairwise(ends)]
+    return [replace(mesh, light=None, **found) for mesh, found in zip(meshes, rows, strict=True)]
+
+
 def _light(scene: Scene, spp: int, max_depth: int, seed: int) -> cache.Arrays:
-    """Radiance of all objects' vertices, float32 [V, 3]; and visibility, float32 [V, L], if the scene is glossy."""
+    """Radiance of all objects' vertices, float32 [V, 3]; and visibility, float32 [V, L], if the scene is glossy. With lightmaps
+    what `lightmaps.found` says, in the place of the former."""
     if not scene.objects:
         return {"radiance": np.zeros((0, 3), np.float32)}
     meshes = [part.mesh.transformed(part.pose(0.0)) for part in scene.objects]
-    incoming, counted, *seen = _incoming(scene, _Vertices(meshes), spp, max_depth, seed)
+    world = mitsuba_scene.mitsuba_scene(scene, 0.0, "transport", [winding.closed_faces(part.mesh) for part in scene.parts])
+
+    def arriving(mesh: LightMesh, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        vertices = _Vertices(mesh.places, mesh.normals, mesh.faces)
+        incoming, counted, batches, *_ = _incoming(scene, world, vertices, chosen, spp, max_depth, seed)
+        return incoming, counted, batches
+
+    arrays = {}
+    if not scene.lightmaps or scene.glossy:
+        arrays = _at_vertices(scene, world, meshes, spp, max_depth, seed)
+    if not scene.lightmaps:
+        return arrays
+    found = lightmaps.found(meshes, scene.size, arriving)
+    if scene.glossy:
+        starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])[:-1]
+        found["visibility"] = arrays["visibility"][found["source"] + np.repeat(starts, found["counts"][:, 0])]
+    return found
+
+
+def _at_vertices(scene: Scene, world: mi.Scene, meshes: Sequence[Mesh], spp: int, max_depth: int, seed: int) -> cache.Arrays:
+    """Radiance at vertices, and visibility if the scene is glossy."""
+    starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
+    p, n = (np.concatenate([np.asarray(getattr(mesh, name)) for mesh in meshes]) for name in ("vertices", "normals"))
+    faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
+    every = np.arange(len(p))
+    incoming, counted, _, *seen = _incoming(scene, world, _Vertices(p, n, faces), every, spp, max_depth, seed)
     out, visibility, start = [], [], 0
     for mesh in meshes:
         end = start + len(mesh.vertices)
-        filled = _filled(incoming[start:end], counted[start:end], mesh.faces)
-        out.append(np.asarray(mesh.emission) + np.asarray(mesh.albedo) * filled)
-        each = [_filled(share[start:end, None], turned[start:end], mesh.faces) for share, turned in seen]
+        arrives = filled(incoming[start:end], counted[start:end], mesh.faces)
+        out.append(np.asarray(mesh.emission) + np.asarray(mesh.albedo) * arrives)
+        each = [filled(share[start:end, None], turned[start:end], mesh.faces) for share, turned in seen]
         visibility.append(np.concatenate(each, axis=1) if each else None)
         start = end
     arrays = {"radiance": out} | ({"visibility": visibility} if seen else {})
@@ -102,7 +143,7 @@ def _light(scene: Scene, spp: int, max_depth: int, seed: int) -> cache.Arrays:
 
 
 class _Vertices:
-    """Vertices of several meshes in a row, and their incident faces.
+    """Vertices, and their incident faces.
 
     p, n        float64 [V, 3]
     corners     float64 [C, 3, 3], one per vertex of a face, sorted by vertex: that vertex, then the other two, in order
@@ -110,11 +151,8 @@ class _Vertices:
     owner, cdf  [C]: the vertex, and the share of its area up to and including this face
     """
 
-    def __init__(self, meshes: list[Mesh]) -> None:
-        starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
-        self.p = np.concatenate([mesh.vertices for mesh in meshes])
-        self.n = np.concatenate([np.asarray(mesh.normals) for mesh in meshes])
-        faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
+    def __init__(self, p: np.ndarray, n: np.ndarray, faces: np.ndarray) -> None:
+        self.p, self.n = p, n
         turned = np.concatenate([np.roll(faces, -k, axis=1) for k in range(3)])
         p = self.p[turned]
         crossed = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
@@ -130,10 +168,12 @@ class _Vertices:
         self.cdf = (total - before) / (last - before)
 
 
-def _incoming(scene: Scene, vertices: _Vertices, spp: int, max_depth: int, seed: int) -> list:
-    """Mean of L_i under K, float64 [V, 3], and how many paths it is the mean of, int [V]; and per light, if the scene is
-    glossy, the share of points that see it, float64 [V], and of how many, int [V]."""
-    world = mitsuba_scene.mitsuba_scene(scene, 0.0, "transport", [winding.closed_faces(part.mesh) for part in scene.parts])
+def _incoming(
+    scene: Scene, world: mi.Scene, vertices: _Vertices, chosen: np.ndarray, spp: int, max_depth: int, seed: int
+) -> list:
+    """Mean of L_i under K, float64 [V, 3]; how many paths it is the mean of, int [V]; with lightmaps the same of batches of the
+    paths, float64 [V, B, 3]; and per light, if the scene is glossy, the share of points that see it, float64 [V], and of how
+    many, int [V]. 0 for vertices that are not chosen."""
     integrator = mi.load_dict({"type": "path", "max_depth": max_depth, "rr_depth": 1 << 20})
     sampler = _common_sampler(spp)
     sobol = qmc.Sobol(7, scramble=True, rng=np.random.default_rng(seed))
@@ -142,9 +182,11 @@ def _incoming(scene: Scene, vertices: _Vertices, spp: int, max_depth: int, seed:
 
     count = len(vertices.p)
     incoming, counted = np.zeros((count, 3)), np.zeros(count, np.int64)
+    every = min(finer.BATCHES, spp) if scene.lightmaps else 0
+    batches = np.zeros((count, every, 3))
     lights = scene.lights if scene.glossy else ()
     seen = [(np.zeros(count), np.zeros(count, np.int64)) for _ in lights]
-    lit = np.unique(vertices.owner)
+    lit = np.intersect1d(vertices.owner, chosen)
     step = max(1, LANES // spp)
     for start in range(0, len(lit), step):
         chunk = lit[start : start + step]
@@ -157,11 +199,16 @@ def _incoming(scene: Scene, vertices: _Vertices, spp: int, max_depth: int, seed:
         counted[chunk] = valid.sum(axis=1)
         total = (L.reshape(len(chunk), spp, 3) * valid[..., None]).sum(axis=1)
         incoming[chunk] = total / np.maximum(counted[chunk], 1)[:, None]
+        for b in range(every):
+            paths, of_batch = L.reshape(len(chunk), spp, 3)[:, b::every], valid[:, b::every]
+            number = of_batch.sum(axis=1)[:, None]
+            mean = (paths * of_batch[..., None]).sum(axis=1) / np.maximum(number, 1)
+            batches[chunk, b] = np.where(number > 0, mean, incoming[chunk])
         for light, (share, number) in zip(lights, seen, strict=True):
             turned, open_ = (a.reshape(len(chunk), spp) & valid for a in _sight(world, light, p, face_n))
             number[chunk] = turned.sum(axis=1)
             share[chunk] = (turned & open_).sum(axis=1) / np.maximum(number[chunk], 1)
-    return [incoming, counted, *seen]
+    return [incoming, counted, batches, *seen]
 
 
 def _sight(world: mi.Scene, light: PointLight, p: np.ndarray, face_n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -256,20 +303,3 @@ def _paths(world, integrator, sampler, p, n, face_n, u) -> tuple[np.ndarray, np.
         share = dr.select(light.delta, 1, power_heuristic(light.pdf, K))  # no direction hits a point light by chance
         L += dr.select(light.pdf > 0, weight * K * share, 0)
     return np.array(L, np.float64).T, ~np.array(inside)
-
-
-def _filled(values: np.ndarray, counted: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Vertices that nothing was counted for take the mean of their neighbours, ring by ring; 0 where none has any."""
-    values, known = values.copy(), counted > 0
-    edges = np.concatenate([faces, np.roll(faces, 1, axis=1), np.roll(faces, -1, axis=1)])[:, :2]
-    edges = np.unique(np.concatenate([edges, edges[:, ::-1]]), axis=0)
-    while True:
-        reach = edges[known[edges[:, 1]] & ~known[edges[:, 0]]]
-        if len(reach) == 0:
-            return np.where(known[:, None], values, 0.0)
-        total, number = np.zeros_like(values), np.zeros(len(values))
-        np.add.at(total, reach[:, 0], values[reach[:, 1]])
-        np.add.at(number, reach[:, 0], 1)
-        new = number > 0
-        values[new] = total[new] / number[new, None]
-        known |= new

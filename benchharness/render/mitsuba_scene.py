@@ -2,8 +2,8 @@
 
 `lighting` says what surfaces do:
 
-"baked"      Every object emits its baked radiance (`Mesh.radiance`, interpolated over the triangle) to both sides and
-             scatters nothing. Mitsuba's own area emitters shine to the front alone, hence ours. The material is a
+"baked"      Every object emits its baked radiance (`Mesh.radiance`, interpolated over the triangle, or `Mesh.light`) to both
+             sides and scatters nothing. Mitsuba's own area emitters shine to the front alone, hence ours. The material is a
              conductor of reflectance zero rather than a black diffuse one, which keeps the path integrator from sampling
              emitters: without that the picture has no noise at all. Highlights of point lights on objects with gloss are
              part of what they emit, with the baked visibility of the lights that the methods use too; there are no
@@ -37,7 +37,7 @@ import numpy as np
 from benchharness.cache import source_hash
 from benchharness.kernels import mitsuba_mesh
 from benchharness.modelling import winding
-from benchharness.render import mitsuba_gloss, mitsuba_normalmap, mitsuba_texture
+from benchharness.render import mitsuba_gloss, mitsuba_light, mitsuba_normalmap, mitsuba_texture
 from benchharness.scene import Gloss, Mesh, Object, PointLight, Reflector, Scene, merged
 
 LIGHTINGS = ("baked", "transport")
@@ -110,6 +110,8 @@ def fingerprint(scene: Scene, time: float, lighting: str) -> list:
             content += [mesh.radiance] if lighting == "baked" else [mesh.albedo, mesh.emission]
             if mesh.texture is not None:
                 content += ["texture", source_hash(mitsuba_texture.__file__), mesh.texture.digest, mesh.texture.along, mesh.uv]
+            if mesh.light is not None and lighting == "baked":
+                content += ["light", source_hash(mitsuba_light.__file__), mesh.light.digest, mesh.light_at]
             if part.gloss is not None and (scene.lights or lighting == "transport"):
                 content += ["gloss", source_hash(mitsuba_gloss.__file__), part.gloss.specular, part.gloss.exponent]
                 content += [mesh.visibility] if lighting == "baked" else []
@@ -159,9 +161,10 @@ def _emitting(
 ) -> mi.Mesh:
     """Meshes, as one, that shine with their baked radiance; `above` makes of that what is seen."""
     black = mi.load_dict({"type": "conductor", "specular_reflectance": _rgb((0, 0, 0))})
-    radiance = mitsuba_texture.coloured(mi.load_dict({"type": "mesh_attribute", "name": "vertex_radiance"}), meshes)
+    of_vertices = mi.load_dict({"type": "mesh_attribute", "name": "vertex_radiance"})
+    radiance = mitsuba_texture.coloured(mitsuba_light.mapped(of_vertices, meshes), meshes)
     emitter = _shining_both_ways(radiance if above is None else above(radiance))
-    mesh = merged(*(replace(one, uv=None, texture=None) for one in meshes))
+    mesh = merged(*(replace(one, uv=None, texture=None, light=None) for one in meshes))
     shape = _mesh(name, mesh, mark, bsdf=black, emitter=emitter, face_normals=True)
     shape.add_attribute("vertex_radiance", 3, np.float32(mesh.radiance).ravel())
     mitsuba_texture.describe(shape, meshes)

@@ -37,7 +37,7 @@ class World:
     radiance     4 floats per vertex: of what is lit, black for mirrors
     attributes   4 floats per vertex: radiance of what is lit, normal of mirrors in object space
     objects      parts from this number on are mirrors
-    paint        what textures need; None for a scene without
+    paint        what textures and light maps need; None for a scene without
     """
 
     hierarchies: hierarchy.Hierarchies
@@ -138,7 +138,7 @@ def _value(world: World, values: mi.Float, hit: hierarchy.Meeting) -> mi.Vector3
     if world.paint is None:
         return value
     part = geometry.part_of(hit.face)
-    return value * mi.Vector3f(painting.colour(world.paint, part, hit.face, hit.weights, hit.found))
+    return mi.Vector3f(painting.seen(world.paint, mi.Color3f(value), part, hit.face, hit.weights, hit.found))
 
 
 # Secondary rays

@@ -1,8 +1,8 @@
 """Mesa's llvmpipe as a rival: the same triangles and camera drawn by OpenGL on the processor, into float32 targets.
 
 Needs moderngl (`pip install 'benchharness[speed]'`) and Mesa's EGL. Where something is missing, or EGL hands out another
-renderer, `Llvmpipe` raises `Unavailable` and says what; so it does for scenes with textures or normal maps. llvmpipe starts as
-many threads as Dr.Jit does.
+renderer, `Llvmpipe` raises `Unavailable` and says what; so it does for scenes with textures, light maps or normal maps.
+llvmpipe starts as many threads as Dr.Jit does.
 
 Rows of the targets are rows of our pictures, the first at the top: y is not turned over, so that what is
 counter-clockwise in space is clockwise here. As in `kernels.raster`, backs are culled of closed pieces alone.
@@ -83,8 +83,9 @@ class Llvmpipe:
     """
 
     def __init__(self, scene: Scene, time: float, size: tuple[int, int]) -> None:
-        if any(thing.mesh.texture is not None for thing in scene.objects):
-            raise Unavailable(f"scene {scene.name} has textures, which are not drawn here; accepted: scenes without")
+        if any(thing.mesh.texture is not None or thing.mesh.light is not None for thing in scene.objects):
+            where = f"scene {scene.name} has textures or light maps"
+            raise Unavailable(f"{where}, which are not drawn here; accepted: scenes without")
         if any(mirror.normal_map is not None for mirror in scene.reflectors):
             raise Unavailable(f"scene {scene.name} has normal maps, which are not drawn here; accepted: scenes without")
         self._context = _context()

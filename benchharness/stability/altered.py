@@ -61,7 +61,7 @@ def renumbered(scene: Scene, seed: int = 0) -> tuple[Scene, np.ndarray]:
                 was.append(start + order)
             faces = np.argsort(order)[mesh.faces][rng.permutation(len(mesh.faces))]
             carried = {name: value[order] for name in PER_VERTEX if (value := getattr(mesh, name)) is not None}
-            mixed.append(Mesh(mesh.vertices[order], faces, **carried, texture=mesh.texture))
+            mixed.append(Mesh(mesh.vertices[order], faces, **carried, texture=mesh.texture, light=mesh.light))
         start += len(meshes[0].vertices)
         return mixed
 

@@ -39,7 +39,7 @@ LOST = 0.1  # share of the reference's pixels, below which an image is not there
 def dark(scene: Scene, radiance: Sequence[np.ndarray]) -> Scene:
     """The scene with its objects shining as told, [3] each, and no other light; mirrors ideal."""
     objects = tuple(
-        replace(o, mesh=replace(o.mesh, radiance=colour, visibility=None, texture=None), gloss=None)
+        replace(o, mesh=replace(o.mesh, radiance=colour, visibility=None, texture=None, light=None), gloss=None)
         for o, colour in zip(scene.objects, radiance, strict=True)
     )
     mirrors = tuple(replace(r, eta=None, k=None) for r in scene.reflectors)

@@ -47,6 +47,8 @@ def of_scene(scene: Scene) -> str:
         _add(digest, [constant])
     if scene.lights:
         digest.update(json.dumps(["lights", [[light.position, light.intensity] for light in scene.lights]]).encode())
+    if scene.lightmaps:
+        digest.update(b"lightmaps")
     if scene.environment is not None:
         digest.update(f"environment {scene.environment.ground}".encode())
         _add(digest, scene.environment.radiance)
@@ -88,6 +90,10 @@ def _add_mesh(digest: Any, mesh: Mesh) -> None:
         _add(digest, mesh.visibility)
     if mesh.texture is not None and mesh.uv is not None:
         _add_picture(digest, "texture", mesh.texture, mesh.uv)
+    if mesh.light is not None and mesh.light_at is not None:
+        digest.update(b"light")
+        _add(digest, mesh.light_at)
+        _add(digest, mesh.light.samples)
 
 
 def _add_picture(digest: Any, kind: str, picture: Texture, uv: np.ndarray) -> None:

@@ -14,9 +14,12 @@ or refused; what was mended or left out is said. The scene is right-handed, z up
 `rotate_deg`, `translate` and `fit` bring files there (`benchharness.study.placed`). A file's own normals are kept; one without
 has the creases of its smoothing groups, or where its faces turn by more than 60 degrees. A file of several materials is an
 object for each, `name/material`, in the colours and with the pictures that the file has; `albedo` and `emission` replace these,
-and an albedo makes it one object. Edges of objects longer than `h_max` metres, by default a twenty-fifth of the diagonal
-of the box around all objects, are split before anything else: light lives at vertices, and images of straight edges are curves
-that vertices follow.
+and an albedo makes it one object. Light does not hang on how finely they are cut (`benchharness.render.bake`). Edges of objects
+longer than `h_max` metres are split before anything else, if that is said: images of straight edges are curves, which some
+methods draw straight from vertex to vertex.
+
+`normal_map = "waves.png"` of a mirror is a picture of numbers that turn its normals, at the uv of its file
+(`benchharness.modelling.normalmap`).
 
 `node` and `material`, a name or a list, take of a file only what is at or below such a node, or of such a material, and
 `without = {material = "glass"}` leaves it out: one file can hold a room and its mirrors. Nodes of OBJ are its objects and
@@ -61,7 +64,6 @@ from benchharness.study.lighting import LightTable
 from benchharness.study.viewing import CameraKey, CameraTable
 
 PANORAMAS = (".exr", ".hdr")
-SPLIT = 1 / 25  # of the diagonal of all objects: the longest edge, if nothing is said
 
 
 class SceneTable(Table):
@@ -138,15 +140,14 @@ def built(name: str, table: SceneTable, base: Path, where: str) -> tuple[Scene, 
     notes += [*said, *words]
     notes += _unseen([*(part.motion for part in (*objects, *reflectors)), camera], table, last)
     environment = _environment(table, base, where)
-    corners = np.concatenate([o.mesh.vertices for o in objects])
-    h_max = table.h_max or SPLIT * float(np.linalg.norm(np.ptp(corners, axis=0)))
     try:
-        split = tuple(replace(o, mesh=subdivided(o.mesh, h_max)) for o in objects)
+        if table.h_max is not None:
+            objects = [replace(o, mesh=subdivided(o.mesh, table.h_max)) for o in objects]
     except ValueError as error:
         raise ValueError(f"{where}.objects: {error}") from None
     scene = Scene(
         name=name,
-        objects=split,
+        objects=tuple(objects),
         reflectors=tuple(reflectors),
         camera=camera,
         frames=table.frames,
@@ -158,6 +159,7 @@ def built(name: str, table: SceneTable, base: Path, where: str) -> tuple[Scene, 
         source=table.model_dump(mode="json"),
         environment=environment,
         lights=lights,
+        lightmaps=True,
     )
     return scene, notes
 

