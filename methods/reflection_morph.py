@@ -52,6 +52,7 @@ class ReflectionMorph(Method):
     mip: bool = True
 
     knobs: ClassVar[tuple[Knob, ...]] = (Knob("resolution", (16, 32, 64, 128, 256)), Knob("samples", (1, 2, 3, 4)))
+    family: ClassVar[str] = "maps and proxies"
     paper: ClassVar[str] = "Martin and Popescu 2004, reconstructed"
     limits: ClassVar[dict[str, str]] = parallax.LIMITS
 
