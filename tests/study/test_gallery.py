@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.tiers import first
+from support.tiers import complete, exhaustive
 
 from benchharness.measure.bench import Bench
 from benchharness.render.reference import ReferenceOptions
@@ -47,7 +47,7 @@ def test_there_are_three_and_nothing_in_them_had_to_be_mended():
 
 
 @pytest.mark.parametrize("name", GALLERY)
-@pytest.mark.parametrize("methods", first([("ray_traced", "environment_map"), None], [("ray_traced", "environment_map")]))
+@pytest.mark.parametrize("methods", [("ray_traced", "environment_map"), pytest.param(None, marks=(exhaustive, complete))])
 def test_a_scene_of_the_gallery_runs(name, methods):
     scene, _ = built(name)
     chosen = methods or tuple(GALLERY[name]["methods"])
