@@ -11,7 +11,8 @@ the texel's size. 4 floats per texel: radiance and 1 / distance (0 for the surro
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
@@ -181,6 +182,16 @@ def pyramid(levels: list[mi.Float], n: int) -> Pyramid:
         texels += dr.width(level) // 4
         starts.append(texels)
     return Pyramid(dr.concat(levels), mi.UInt32(starts), n, len(levels))
+
+
+def texels_of(n: int) -> int:
+    """Of a map's level with n texels per edge of a face, borders included."""
+    return 6 * (n + 2) * (n + 2)
+
+
+def together(maps: Sequence[Pyramid]) -> Pyramid:
+    """Several maps of one size in one buffer; `first` is left to who asks."""
+    return replace(maps[0], texels=dr.concat([one.texels for one in maps]))
 
 
 def lookup_mip(maps: Pyramid, d: mi.Vector3f, level: mi.Float, active: mi.Bool | bool = True) -> mi.Vector4f:

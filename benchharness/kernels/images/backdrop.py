@@ -85,7 +85,7 @@ def look_up(backdrop: Backdrop, mirror: mi.UInt32, direction: mi.Vector3f, activ
     """Radiance from a direction around a mirror, and the distance of what is there; inf for the surroundings."""
     if backdrop.maps is None:
         return surroundings.radiance(backdrop.infinity, direction, active), mi.Float(dr.inf)
-    first = mi.UInt32(0) if backdrop.walls is not None else mirror * (6 * (backdrop.resolution + 2) ** 2)
+    first = mi.UInt32(0) if backdrop.walls is not None else mirror * cubemap.texels_of(backdrop.resolution)
     value = cubemap.lookup(backdrop.maps, backdrop.resolution, direction, active, first)
     distance = dr.select(value.w > 0, dr.rcp(dr.select(value.w > 0, value.w, 1)), dr.inf)
     return mi.Color3f(value.x, value.y, value.z), distance

@@ -38,7 +38,9 @@ class Layers:
     def at(self, layer: mi.UInt32) -> tuple[cubemap.Pyramid, DistanceMap]:
         """The maps of one layer, lane by lane."""
         texels = dr.width(self.maps.texels) // (4 * self.count)
-        return replace(self.maps, first=layer * texels), replace(self.distances, first=layer * texels_of(self.distances.n))
+        return replace(self.maps, first=layer * texels), replace(
+            self.distances, first=layer * cubemap.texels_of(self.distances.n)
+        )
 
 
 @dataclass
@@ -57,11 +59,6 @@ class Met:
     beside: mi.Bool
 
 
-def texels_of(n: int) -> int:
-    """Of one layer, without mip levels."""
-    return 6 * (n + 2) * (n + 2)
-
-
 def taken(state: probe.State, poses: mi.Float, resolution: int, count: int, *, mip: bool) -> list[Layers]:
     """`count` layers of every mirror, of which `state` has the first."""
     world = geometry.placed(state.geometry, poses)
@@ -74,7 +71,7 @@ def taken(state: probe.State, poses: mi.Float, resolution: int, count: int, *, m
             behind = nearness[-1] * (1 - APART)
             texels = cubemap.capture(world, drawn, one.place, resolution, state.near, state.surroundings, behind=behind)
             if state.enclosed[i]:
-                texels = filled(texels, maps[-1].texels, texels_of(resolution))
+                texels = filled(texels, maps[-1].texels, cubemap.texels_of(resolution))
             maps.append(probe.pyramid(texels, resolution, mip=mip))
             nearness.append(distancemap.of_map(texels, resolution).nearness)
         found.append(together(maps, nearness, resolution))
@@ -91,8 +88,7 @@ def filled(texels: mi.Float, nearer: mi.Float, count: int) -> mi.Float:
 
 def together(maps: Sequence[cubemap.Pyramid], nearness: Sequence[mi.Float], n: int) -> Layers:
     """Layers out of their maps, and 1 / depth of each as `DistanceMap` has it."""
-    texels = dr.concat([one.texels for one in maps])
-    return Layers(replace(maps[0], texels=texels), DistanceMap(dr.concat(list(nearness)), n, stepped=True), len(maps))
+    return Layers(cubemap.together(maps), DistanceMap(dr.concat(list(nearness)), n, stepped=True), len(maps))
 
 
 @dr.syntax
@@ -119,7 +115,7 @@ def march(layers: Layers, of: Ray, steps: int, iterations: int, active: mi.Bool)
         u, v = mi.Float(k) * per_step, mi.Float(count - k) * per_step
         j = mi.UInt32(0)
         while dr.hint(active & (j < layer_count), label="ask every layer"):
-            map = replace(distances, first=j * texels_of(n))
+            map = replace(distances, first=j * cubemap.texels_of(n))
             one, two = distancemap.at(map, of, t, s, active), distancemap.at(map, of, u, v, active)
             bit = mi.UInt32(1) << j
             before = one.f < 0

@@ -123,10 +123,9 @@ def updated(state: State, poses: mi.Float, resolution: int, *, mip: bool) -> Sta
             texels = cubemap.capture(world, owners != part, place, resolution, mirrors.near, mirrors.surroundings)
             maps.append(probe.pyramid(texels, resolution, mip=mip))
             nearness.append(distancemap.of_map(texels, resolution).nearness)
-        together = replace(maps[0], texels=dr.concat([one.texels for one in maps]))
         distances = distancemap.DistanceMap(dr.concat(nearness), resolution)
         box = probe.placed(poses, part, mirrors.centres[i], mirrors.halves[i])[1]
-        grids.append(Grid(together, distances, places, rows, plan.counts, box))
+        grids.append(Grid(cubemap.together(maps), distances, places, rows, plan.counts, box))
     return replace(state, grids=grids)
 
 
@@ -242,7 +241,7 @@ def blended(
 @dr.syntax
 def length(grid: Grid, cell: Cell, r: mi.Vector3f, active: mi.Bool) -> mi.Float:
     """How far a ray along r is taken to go, inf to the surroundings."""
-    stride = 6 * (grid.distances.n + 2) ** 2
+    stride = cubemap.texels_of(grid.distances.n)
     depth = dr.maximum(dr.maximum(dr.abs(r.x), dr.abs(r.y)), dr.abs(r.z))
     k, straight, nearest, farthest = mi.UInt32(0), mi.Float(0), mi.Float(FARTHEST), mi.Float(0)
     while dr.hint(active & (k < 8), label="ask how far maps see"):

@@ -155,8 +155,7 @@ def updated(state: State, poses: mi.Float, resolution: int, *, mip: bool) -> Sta
     boxes = []
     for i, (centre, half) in enumerate(zip(mirrors.centres, mirrors.halves, strict=True)):
         boxes.append(probe.placed(poses, dr.opaque(mi.UInt32, state.objects + i), centre, half)[1])
-    together = replace(maps[0], texels=dr.concat([one.texels for one in maps]))
-    return replace(state, maps=together, boxes=boxes)
+    return replace(state, maps=cubemap.together(maps), boxes=boxes)
 
 
 def weight(p: mi.Vector3f, extent: mi.Vector3f, blend: mi.Vector3f) -> mi.Float:

@@ -225,7 +225,7 @@ def reflected(asked: Asked, mirrors: Mirrors, poses: mi.Float, ray: Ray, triangl
 def _seen_from(maps: Maps, mirror: mi.UInt32, ray: Ray) -> tuple[distancemap.DistanceMap, distancemap.Ray]:
     """The map of each lane's mirror, and the ray as told from its centre."""
     place = dr.gather(mi.Vector4f, maps.places, mirror)
-    first = mirror * (6 * (maps.n + 2) * (maps.n + 2))
+    first = mirror * cubemap.texels_of(maps.n)
     x = mi.Vector3f(ray.p) - place.xyz
     return distancemap.DistanceMap(maps.nearness, maps.n, first), distancemap.ray(x, ray.d)
 
