@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from benchharness.assets import reading
-from benchharness.assets.asset import Refused
 from benchharness.scene import MOST_LIGHTS, PointLight
 from benchharness.study.entries import Names, Place, Placed, Radiance, Vector
-from benchharness.study.placed import Files, pose
+from benchharness.study.placed import Files, existing, pose, refusals
 
 
 class LightTable(Place):
@@ -44,11 +43,9 @@ def lights(tables: list[LightTable], files: Files, where: str) -> tuple[tuple[Po
 
 def _of_file(table: LightTable, name: str, files: Files, key: str) -> tuple[list[PointLight], list[str]]:
     """The lights of a file. What they throw on its surfaces stays the same however the table sizes it."""
-    path = files.path(name, f"{key}.file")
-    try:
+    path = existing(files.base / name, f"{key}.file")
+    with refusals(path, f"{key}.file"):
         lamps, words = reading.lamps(path, table.node)
-    except Refused as error:
-        raise ValueError(f"{key}.file: {path.parent}/{error}") from None
     whole = None if table.fit is None else files.asset(name, f"{key}.file", Placed(name=name, mesh=name))
     at = pose(whole, table, key)
     larger = float(np.linalg.det(at[:3, :3])) ** (2 / 3)

@@ -9,6 +9,7 @@ import numpy as np
 from benchharness.assets import pictures
 from benchharness.modelling import normalmap
 from benchharness.scene import Mesh, Texture
+from benchharness.study import placed
 
 FLAT = np.array([0.5, 0.5, 1.0])
 
@@ -23,8 +24,7 @@ def read(path: Path, where: str, mesh: Mesh) -> tuple[Texture, list[str]]:
             f"{where} is {path.name}, and the mirror's file has no uv, or not in all of its parts; accepted: a mesh file with "
             "texture coordinates (vt in OBJ, TEXCOORD_0 in glTF, u and v in PLY)"
         )
-    if not path.is_file():
-        raise ValueError(f"{where}: there is no file {path}; accepted: a path relative to the config")
+    placed.existing(path, where)
     try:
         pixels = pictures.numbers(path)
     except Exception as error:  # Pillow's readers raise what they like

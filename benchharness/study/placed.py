@@ -7,7 +7,8 @@ of nodes and materials, stands where it stands in the whole.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,10 +31,22 @@ def read(path: Path, where: str, placed: Placed) -> Asset:
     """A mesh file. Raises ValueError that names the key and the file for what is none, or cannot be read right."""
     if path.suffix.lower() not in reading.SUFFIXES:
         raise ValueError(f"{where} is {str(path)!r}; accepted: a file that ends in {', '.join(reading.SUFFIXES)}")
+    with refusals(existing(path, where), where):
+        return reading.read(path, placed.up, placed.asked())
+
+
+def existing(path: Path, where: str) -> Path:
+    """The path of a file. Raises ValueError that names the key if there is none."""
     if not path.is_file():
         raise ValueError(f"{where}: there is no file {path}; accepted: a path relative to the config")
+    return path
+
+
+@contextmanager
+def refusals(path: Path, where: str) -> Iterator[None]:
+    """What is refused of a file is a ValueError that names the key, and where the file is."""
     try:
-        return reading.read(path, placed.up, placed.asked())
+        yield
     except Refused as error:
         raise ValueError(f"{where}: {path.parent}/{error}") from None
 
@@ -54,13 +67,6 @@ class Files:
             left = tuple(said for said in asset.findings if not said.startswith(tuple(used)))
             self._read[key] = replace(asset, findings=left)
         return self._read[key]
-
-    def path(self, name: str, where: str) -> Path:
-        """Of a file that is there. Raises ValueError."""
-        path = self.base / name
-        if not path.is_file():
-            raise ValueError(f"{where}: there is no file {path}; accepted: a path relative to the config")
-        return path
 
 
 def taken(asset: Asset, entry: Placed, where: str) -> Asset:

@@ -217,8 +217,7 @@ def _environment(table: SceneTable, base: Path, where: str) -> Environment | Non
     path = base / table.environment
     if path.suffix.lower() not in PANORAMAS:
         raise ValueError(f"{where}.environment is {str(path)!r}; accepted: a file that ends in {', '.join(PANORAMAS)}")
-    if not path.is_file():
-        raise ValueError(f"{where}.environment: there is no file {path}; accepted: a path relative to the config")
+    placed.existing(path, f"{where}.environment")
     import mitsuba as mi  # late: reading a config needs it for panoramas alone
 
     try:

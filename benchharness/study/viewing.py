@@ -10,13 +10,12 @@ import numpy as np
 from pydantic import Field
 
 from benchharness.assets import reading
-from benchharness.assets.asset import Refused
 from benchharness.assets.gltf_viewing import Eye
 from benchharness.modelling.motion import Track
 from benchharness.scene import Camera
 from benchharness.study.entries import Coordinate, Place, Placed, Table, Vector
 from benchharness.study.moving import ascending
-from benchharness.study.placed import Files, pose
+from benchharness.study.placed import Files, existing, pose, refusals
 
 Degrees = Annotated[float, Field(gt=0, lt=180)]
 
@@ -85,11 +84,10 @@ def camera(table: CameraTable, files: Files, last: float, where: str) -> tuple[C
 
 def _of_file(table: CameraTable, name: str, files: Files, where: str) -> tuple[Callable[[float], Camera], list[str]]:
     """The camera of a file, which stands where the table puts that file."""
-    path, key = files.path(name, f"{where}.file"), f"{where}.file"
-    try:
+    key = f"{where}.file"
+    path = existing(files.base / name, key)
+    with refusals(path, key):
         eye = reading.eye(path, table.node, table.animation)
-    except Refused as error:
-        raise ValueError(f"{key}: {path.parent}/{error}") from None
     whole = None if table.fit is None else files.asset(name, key, Placed(name=name, mesh=name, animation=table.animation))
     said = []
     if eye.aspect is not None:
