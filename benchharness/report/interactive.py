@@ -55,9 +55,9 @@ def frontier_figure(view: SceneView, looks: Mapping[str, Look]) -> go.Figure:
         figure.add_scatter(x=x, y=y, mode="lines", line=look, name="frontier", hoverinfo="skip")
     places = {id(point): place for point, place in zip(view.points, view.places, strict=True)}
     points = by_method(view.points)
-    for family, methods in by_family(list(points), looks).items():
+    for methods in by_family(list(points), looks).values():
         for method in methods:
-            _method(figure, view, curves(points[method]), looks[method], places, family)
+            _method(figure, view, curves(points[method]), looks[method], places)
     return figure
 
 
@@ -80,9 +80,7 @@ def _background(figure: go.Figure, view: SceneView, left: float, bottom: float) 
         figure.add_annotation(text="reference's noise: not ranked below", **at, **text)
 
 
-def _method(
-    figure: go.Figure, view: SceneView, curves_: list[list[Point]], look: Look, places: Mapping[int, Place], family: str
-) -> None:
+def _method(figure: go.Figure, view: SceneView, curves_: list[list[Point]], look: Look, places: Mapping[int, Place]) -> None:
     """The curves of a method, with a gap between them."""
     gapped = [point for curve in curves_ for point in (*curve, None)][:-1]
 
@@ -95,8 +93,8 @@ def _method(
         y=of(lambda p: view.drawn(p.error)),
         mode="lines+markers+text",
         name=curves_[0][0].method,
-        legendgroup=family or curves_[0][0].method,
-        legendgrouptitle_text=escape(family) or None,
+        legendgroup=look.family or curves_[0][0].method,
+        legendgrouptitle_text=escape(look.family) or None,
         line={"color": look.colour, "dash": look.dash[1], "width": 1.6},
         marker={
             "symbol": of(lambda p: look.marker[1] + suffix.get(places[id(p)].verdict, "-open"), look.marker[1]),
