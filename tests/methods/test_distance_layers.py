@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from oracles import impostor_oracle as oracle
 from scipy.ndimage import binary_erosion
+from support.cube_texels import directions, vectors
 from support.mirror_room import Answer, ball, balls, mirror_ball, mirror_room, plain, scene, shaded, still, walls
 from support.proxy_rooms import RED, Truth, reddish
 from support.small_room import quad
@@ -22,22 +23,6 @@ from methods.distance_impostor import DistanceImpostor
 from methods.ray_traced import RayTraced
 
 OCCUPIED = oracle.Room(np.array([-3.0, -2, -1.5]), np.array([2.0, 3, 1.5]), np.array([1.3, 0.2, 0.1]), 0.35)
-
-
-def vectors(rows: np.ndarray) -> mi.Vector3f:
-    return mi.Vector3f(np.ascontiguousarray(rows.T.astype(np.float32)))
-
-
-def directions(n: int) -> np.ndarray:
-    """Of the texels of a cube map with its border, [6 (n + 2)², 3], 1 along the axis of their face."""
-    k, found = (2 * np.arange(-1, n + 1) + 1) / n - 1, []
-    for axis in range(3):
-        for sign in (1, -1):
-            v, u = np.meshgrid(k, k, indexing="ij")
-            d = np.zeros((n + 2, n + 2, 3))
-            d[..., axis], d[..., (axis + 1) % 3], d[..., (axis + 2) % 3] = sign, u, v
-            found.append(d.reshape(-1, 3))
-    return np.concatenate(found)
 
 
 def layers_of(room: oracle.Room, n: int, count: int) -> layered.Layers:

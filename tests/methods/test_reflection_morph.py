@@ -11,6 +11,7 @@ import pytest
 from oracles import impostor_oracle
 from oracles import morph_oracle as oracle
 from oracles.proxy_oracle import turned
+from support.cube_texels import directions, vectors
 from support.mirror_room import balls, mirror_ball, mirror_room, plain, scene, shaded, still, walls
 from support.proxy_rooms import SIZE, WAY, Truth, dome, hall, red
 from support.small_room import box, quad
@@ -33,26 +34,10 @@ FRAME = turned(np.array([1.0, 2.0, -1.5]), 50.0)
 GREY = (0.5, 0.5, 0.5)
 
 
-def vectors(rows: np.ndarray) -> mi.Vector3f:
-    return mi.Vector3f(np.ascontiguousarray(rows.T.astype(np.float32)))
-
-
-def directions(n: int) -> np.ndarray:
-    """Of the texels of a cube map with its border, [6 (n + 2)², 3], unit."""
-    k, found = (2 * np.arange(-1, n + 1) + 1) / n - 1, []
-    for axis in range(3):
-        for sign in (1, -1):
-            v, u = np.meshgrid(k, k, indexing="ij")
-            d = np.zeros((n + 2, n + 2, 3))
-            d[..., axis], d[..., (axis + 1) % 3], d[..., (axis + 2) % 3] = sign, u, v
-            found.append(d.reshape(-1, 3))
-    d = np.concatenate(found)
-    return d / np.linalg.norm(d, axis=1, keepdims=True)
-
-
 def gridded(room: oracle.Surroundings, low, high, counts: tuple[int, int, int], n: int = 64) -> morph.Grid:
     """Maps whose colour is the point that they show."""
     d, texels = directions(n), []
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
     at = oracle.places(low, high, counts)
     for c in at:
         away = room.first_hit(np.broadcast_to(c, d.shape), d)
