@@ -1,11 +1,11 @@
 """Four large ants around lumps of sugar, among cans on a picnic cloth: their eight eyes are the mirrors.
 
-The eyes are closed, convex and small, many at once, and grow out of heads that they mirror where they touch them; what
-they show is mostly cans, whose labels are strips as long as the can. (`scenes.props.insects`, `scenes.props.picnic`.)
+The eyes are closed, convex and small, many at once, and grow out of heads that they mirror where they touch them. Cans
+have labels of strips as long as the can. (`scenes.props.insects`, `scenes.props.picnic`.)
 
 Two details of the same scene. `paper` has as many vertices as the ants of Estalella et al. 2006: 14,859 as built and
-30,153 after `refined` (14,969 and 30,133 here). `lean` is what the picture needs: 10,400, a quarter of it eyes, and drawn as
-it is built.
+30,153 after `refined` (14,969 and 30,133 here). `lean` is what the picture needs: about 8,500, three tenths of it eyes, without
+SPARED, and drawn as it is built.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from benchharness.scene import Camera, Mesh, Motion, Object, Reflector, Scene, m
 
 from .props import insects, picnic
 from .props.insects import Fineness
+from .props.lean import without
 from .props.shapes import Colour, placed, pose
 from .props.ways import gently, mixed, way_to
 
@@ -54,6 +55,10 @@ DETAILS: dict[str, Detail] = {
     "paper": Detail(Fineness(body=16, leg=6, antenna=14, head=18, head_rings=12, eye=26, eye_rings=17), 28, 22, 5, 0.0875),
 }
 
+SPARED = "can-cola can-peas can-beans can-on-top can-lemon can-peach can-orange can-blue can-corn".split()
+"""What the lean scene does without: with all of them or with none, no method's error differs by more than its interval. (The
+eyes show little of the sugar and of three bodies, but the ants are around the one, and heads sit on the others.)"""
+
 COUNCIL = np.array([0.0, -0.50, 0.0])
 """What all ants look at, metres."""
 FRAMES, FPS = 100, 25.0
@@ -84,7 +89,7 @@ NODS, WAVES = ("rust", "black"), "amber"
 def ant(detail: DetailName = "lean", eyes: int = EYES, *, moving: bool = True) -> Scene:
     """The ants.
 
-    detail   how finely the scene is modelled; the same things either way
+    detail   how finely the scene is modelled, and how many cans are there
     eyes     how many of the eyes are mirrors, 1 to 8; the others are dark and dull, of the same shape
     moving   whether two heads nod, antennae wave and a can rolls
 
@@ -122,7 +127,7 @@ def ant(detail: DetailName = "lean", eyes: int = EYES, *, moving: bool = True) -
                 objects.append(Object(name, mesh, "an eye that mirrors nothing, in the place of one that does", motion))
     scene = Scene(
         name="ant",
-        objects=tuple(objects),
+        objects=without(objects, SPARED if detail == "lean" else ()),
         reflectors=tuple(mirrors),
         camera=Approach(),
         frames=FRAMES,

@@ -15,7 +15,7 @@ from benchharness.tables import files
 from benchharness.tables.needs import NEEDS_OBJECTS, OBJECT_KINDS
 
 TABLE = Path(__file__).parents[2] / "results" / "needs" / NEEDS_OBJECTS
-SCENES = ("kitchen", "ufo", "kettle")
+SCENES = ("kitchen", "ufo", "kettle", "ant")
 MOVING = {"kitchen": True}
 STAY = {
     "kitchen": {"floor": "the eye sees it", "table-frame": "it holds the table top"},
@@ -34,6 +34,12 @@ STAY = {
         "head": "it is the figure's, whose hand touches",
         "upper-arm": "it holds the hand",
         "forearm": "it holds the hand",
+    },
+    "ant": {
+        "sugar": "the ants are around it",
+        "chestnut-body": "it bears the head",
+        "black-body": "the same",
+        "amber-body": "the same",
     },
 }
 """What is needed for nothing and yet is there, and why."""

@@ -141,7 +141,7 @@ def test_the_labels_of_cans_are_strips_as_high_as_they_are_wound_outward():
 
 @pytest.mark.parametrize("name", ["can-cola", "can-soup", "can-rolling", "can-tuna"])
 def test_cans_are_closed(name):
-    mesh = next(o.mesh for o in built().objects if o.name == name)
+    mesh = next(o.mesh for o in built("paper").objects if o.name == name)
     at = 0.5 * (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0))
     assert winding_number(mesh, at) == pytest.approx(1, abs=1e-6)
 
