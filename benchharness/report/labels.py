@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations
 
 from matplotlib.figure import Figure
 
@@ -15,13 +16,13 @@ Box = tuple[float, float, float, float]  # left, bottom, right, top, in points
 
 
 def write(figure: Figure, views: Sequence[SceneView], looks: Mapping[str, Look]) -> None:
-    """Writes `Point.label`, its first parameter alone, into the first axes of a figure, one for each view."""
+    """Writes as much of `Point.label` as tells it from its method's others into the first axes of a figure, one per view."""
     figure.draw_without_rendering()
     for axes, view in zip(figure.axes, views, strict=False):
         taken: list[Box] = []
         for point in (point for point in view.points if point.label):
-            first, *others = point.label.split("; ")
-            text, at = first + " ..." * bool(others), (point.time, view.drawn(point.error))
+            others = [other.label for other in view.points if other.method == point.method and other is not point]
+            text, at = shortened(point.label, others), (point.time, view.drawn(point.error))
             x, y = axes.transData.transform(at) * (72 / figure.dpi)
             width, height = ADVANCE * SIZE * len(text), LINE * SIZE
             for dx, dy in _places(width, height):
@@ -31,6 +32,16 @@ def write(figure: Figure, views: Sequence[SceneView], looks: Mapping[str, Look])
                     style = {"fontsize": SIZE, "color": looks[point.method].colour, "clip_on": True}
                     axes.annotate(text, at, (dx, dy), textcoords="offset points", **style)
                     break
+
+
+def shortened(label: str, others: Sequence[str]) -> str:
+    """The fewest parameters of a label that none of the others has all of, and dots for the rest."""
+    parts, taken = label.split("; "), [set(other.split("; ")) for other in others]
+    for count in range(1, len(parts)):
+        for few in combinations(parts, count):
+            if not any(other.issuperset(few) for other in taken):
+                return "; ".join(few) + " ..."
+    return label
 
 
 def _places(width: float, height: float) -> Iterator[tuple[float, float]]:

@@ -14,7 +14,7 @@ from PIL import Image
 from support.drawn_records import families, record, swept
 
 from benchharness import report
-from benchharness.report import chart, images, interactive, page
+from benchharness.report import chart, images, interactive, labels, page
 from benchharness.report.points import looks, views
 from benchharness.tables import columns, naming, origin, results
 
@@ -54,6 +54,13 @@ def test_labels_of_points_at_one_place_are_beside_one_another_or_left_out():
     assert sorted(text.get_text() for text in texts) == ["k=1", "k=2", "n=0 ...", "n=1 ...", "n=2 ...", "n=3 ..."]
     boxes = [text.get_window_extent() for text in texts]
     assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
+
+
+def test_a_label_says_what_tells_a_point_from_the_others_of_its_method():
+    every = ["px=2; split=2", "px=2; split=8", "px=2; split=None", "px=4; split=None"]
+    told = [labels.shortened(label, every[:k] + every[k + 1 :]) for k, label in enumerate(every)]
+    assert told == ["split=2 ...", "split=8 ...", "px=2; split=None", "px=4 ..."]
+    assert labels.shortened("alone=1", []) == "alone=1"
 
 
 @pytest.fixture(scope="module")
