@@ -20,6 +20,7 @@ def write(figure: Figure, views: Sequence[SceneView], looks: Mapping[str, Look])
     figure.draw_without_rendering()
     for axes, view in zip(figure.axes, views, strict=False):
         taken: list[Box] = []
+        left, right = (x * (72 / figure.dpi) for x in axes.bbox.intervalx)
         for point in (point for point in view.points if point.label):
             others = [other.label for other in view.points if other.method == point.method and other is not point]
             text, at = shortened(point.label, others), (point.time, view.drawn(point.error))
@@ -27,7 +28,7 @@ def write(figure: Figure, views: Sequence[SceneView], looks: Mapping[str, Look])
             width, height = ADVANCE * SIZE * len(text), LINE * SIZE
             for dx, dy in _places(width, height):
                 box = (x + dx, y + dy, x + dx + width, y + dy + height)
-                if not any(_meet(box, other) for other in taken):
+                if left <= box[0] and box[2] <= right and not any(_meet(box, other) for other in taken):
                     taken.append(box)
                     style = {"fontsize": SIZE, "color": looks[point.method].colour, "clip_on": True}
                     axes.annotate(text, at, (dx, dy), textcoords="offset points", **style)
