@@ -6,6 +6,9 @@ variable BENCHHARNESS_CACHE names. An entry is written under a temporary name an
 a crash leaves either the whole entry or none. An entry that cannot be read, or is not what was written, is made again, with
 a warning in the log.
 Entries never expire: the key changes when anything that matters does, the source code that makes them included.
+
+What takes long is filed in `Parts` while it is made, so that whoever is killed goes on from there. They go when the whole is
+filed; those of an entry that is never finished stay, in a folder `<key>.parts`.
 """
 
 from __future__ import annotations
@@ -13,8 +16,10 @@ from __future__ import annotations
 import hashlib
 import logging
 import os
+import shutil
 import struct
 import tempfile
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -29,6 +34,9 @@ FORMAT = "2"
 """Of entries. Another one's are not touched, so that two versions can be run beside each other."""
 CHECKSUM = "checksum"
 """Name of the array of an entry that is none of those which were filed."""
+KEEP_S, KEEP_TIMES = 10.0, 20.0
+"""How long an entry that is filed in parts is worked on before they are filed again: seconds, and times as long as filing took,
+at least. So much a kill costs at most, beside the part in work."""
 
 
 def cache_folder() -> Path:
@@ -85,19 +93,82 @@ def source_hash(*files: str) -> str:
 
 def cached(kind: str, key: str, compute: Callable[[], Arrays]) -> Arrays:
     """The arrays filed under `kind` and `key`; made by `compute` and filed where there are none yet."""
-    path = cache_folder() / kind / f"{key}.npz"
-    if os.path.lexists(path):
-        try:
-            return _read(path, kind, key)
-        except Exception as error:  # whatever the readers of archives and arrays raise for one that is damaged
-            log.warning("cache: cannot read %s (%s: %s); computing it again", path, type(error).__name__, error)
-    arrays = compute()
+    arrays = _filed(kind, key)
+    if arrays is None:
+        arrays = compute()
+        _file(kind, key, arrays)
+    return arrays
+
+
+def cached_in_parts(kind: str, key: str, compute: Callable[[Parts], Arrays]) -> Arrays:
+    """The same of what takes long: `compute` finds the parts that somebody made before it was killed, and files its own."""
+    parts = Parts(kind, key)
+    arrays = cached(kind, key, lambda: compute(parts))
+    if _path(kind, key).exists():
+        parts.drop()
+    return arrays
+
+
+class Parts:
+    """What is done of an entry that is not finished: arrays by name, each filed as an entry is, so that none is half there.
+
+    A part has to follow from the entry's key and its own name alone, or from what was filed under that name before.
+    """
+
+    def __init__(self, kind: str, key: str) -> None:
+        self._kind, self._key = kind, f"{key}.parts"
+        self._new: dict[str, Arrays] = {}
+        self._due, self._writes = time.monotonic() + KEEP_S, True
+
+    def get(self, name: str) -> Arrays | None:
+        """A part that was filed; None where there is none, or a damaged one."""
+        return _filed(self._kind, f"{self._key}/{name}")
+
+    def put(self, name: str, arrays: Arrays) -> None:
+        """Files a part, and those that wait with it, if that is due (KEEP_S); else it waits. One of the same name is replaced.
+        Where parts cannot be written that is said once, and no more are."""
+        if not self._writes:
+            return
+        self._new[name] = arrays
+        began = time.monotonic()
+        if began < self._due:
+            return
+        self._writes = all(_file(self._kind, f"{self._key}/{each}", new) for each, new in self._new.items())
+        self._new.clear()
+        ended = time.monotonic()
+        self._due = ended + max(KEEP_S, KEEP_TIMES * (ended - began))
+
+    def drop(self) -> None:
+        """Deletes what was filed."""
+        shutil.rmtree(cache_folder() / self._kind / self._key, ignore_errors=True)
+
+
+def _path(kind: str, key: str) -> Path:
+    return cache_folder() / kind / f"{key}.npz"
+
+
+def _filed(kind: str, key: str) -> Arrays | None:
+    """The arrays of an entry; None where there is none, and for a damaged one, which the log tells of."""
+    path = _path(kind, key)
+    if not os.path.lexists(path):
+        return None
+    try:
+        return _read(path, kind, key)
+    except Exception as error:  # whatever the readers of archives and arrays raise for one that is damaged
+        log.warning("cache: cannot read %s (%s: %s); computing it again", path, type(error).__name__, error)
+        return None
+
+
+def _file(kind: str, key: str, arrays: Arrays) -> bool:
+    """Files an entry; returns whether it could be written, the log says why not."""
     assert CHECKSUM not in arrays, CHECKSUM
+    path = _path(kind, key)
     try:
         _write(path, arrays | {CHECKSUM: _checksum(kind, key, arrays)})
     except OSError as error:
         log.warning("cache: cannot write %s (%s); set BENCHHARNESS_CACHE to a folder that can be written", path, error)
-    return arrays
+        return False
+    return True
 
 
 def _read(path: Path, kind: str, key: str) -> Arrays:

@@ -207,10 +207,8 @@ def inspect(
         from benchharness import inspection
         from benchharness.execution import folder
 
-        console = Console(stderr=True)
-        with console.status("reading") as status:
-            for note in inspection.examined(asked, out or folder.stamped("inspect"), size, status.update):
-                print(note)
+        for note in inspection.examined(asked, out or folder.stamped("inspect"), size, Console(stderr=True)):
+            print(note)
         return Exit.FINE
 
     _exit(action)

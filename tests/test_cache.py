@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import random
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -134,3 +135,94 @@ def test_a_folder_that_cannot_be_written_costs_the_entry_only(tmp_path, monkeypa
     monkeypatch.setenv("BENCHHARNESS_CACHE", str(tmp_path / "file"))
     assert cache.cached("kind", "key", lambda: {"x": np.ones(1)})["x"] == 1
     assert "BENCHHARNESS_CACHE" in caplog.text
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Time stands still until it is told to go on."""
+    now = [0.0]
+    monkeypatch.setattr(cache, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    return now
+
+
+def test_parts_are_there_for_whoever_goes_on_and_gone_when_the_whole_is_filed(clock) -> None:
+    first = cache.Parts("kind", "key")
+    for second in range(1, 26):
+        clock[0] = float(second)
+        first.put(str(second), {"x": np.full(3, second)})
+    later = cache.Parts("kind", "key")
+    kept = [second for second in range(1, 26) if later.get(str(second)) is not None]
+    assert kept == list(range(1, 21)), "filed after 10 s and after 20"
+    assert np.array_equal((later.get("7") or {})["x"], np.full(3, 7))
+    other = cache.Parts("kind", "other")
+    assert other.get("7") is None
+
+    def compute(parts: cache.Parts) -> cache.Arrays:
+        return {"sum": np.sum([(parts.get(str(second)) or {"x": np.zeros(3)})["x"] for second in range(1, 26)], axis=0)}
+
+    assert np.array_equal(cache.cached_in_parts("kind", "key", compute)["sum"], np.full(3, 210))
+    assert [path.name for path in (cache.cache_folder() / "kind").iterdir()] == ["key.npz"]
+    first.put("26", {"x": np.ones(3)})
+    clock[0] = 100.0
+    first.put("27", {"x": np.ones(3)})  # somebody else makes the same, and is later
+    assert (cache.cache_folder() / "kind" / "key.parts").exists()
+    cache.cached_in_parts("kind", "key", lambda parts: pytest.fail("not cached"))
+    assert [path.name for path in (cache.cache_folder() / "kind").iterdir()] == ["key.npz"]
+
+
+def test_a_part_of_the_same_name_is_replaced(clock) -> None:
+    parts = cache.Parts("kind", "key")
+    for second in (11.0, 22.0):
+        clock[0] = second
+        parts.put("sums", {"x": np.array(second)})
+    assert (cache.Parts("kind", "key").get("sums") or {})["x"] == 22.0
+
+
+def test_filing_takes_a_twentieth_of_the_time_at_most(clock, monkeypatch) -> None:
+    write = cache._write
+
+    def slow(path, arrays):
+        write(path, arrays)
+        clock[0] += 3.0
+
+    monkeypatch.setattr(cache, "_write", slow)
+    parts, filed = cache.Parts("kind", "key"), []
+    for _ in range(100):
+        clock[0] += 1.0
+        before = clock[0]
+        parts.put("sums", {"x": np.array(before)})
+        if clock[0] != before:
+            filed.append(before)
+    assert filed == [10.0, 73.0], "and 60 s after 13 s"
+
+
+def test_a_kill_while_a_part_is_written_leaves_the_part_before(clock, monkeypatch) -> None:
+    clock[0] = 11.0
+    parts = cache.Parts("kind", "key")
+    clock[0] = 22.0
+    parts.put("sums", {"x": np.array(1)})
+
+    def crash(file, **arrays):
+        file.write(b"half of it")
+        raise KeyboardInterrupt
+
+    clock[0] = 33.0
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(cache.np, "savez", crash)
+        parts.put("sums", {"x": np.array(2)})
+    assert (cache.Parts("kind", "key").get("sums") or {})["x"] == 1
+    assert [path.name for path in (cache.cache_folder() / "kind" / "key.parts").iterdir()] == ["sums.npz"]
+
+
+def test_a_folder_that_cannot_be_written_costs_the_parts_only_and_is_said_once(tmp_path, monkeypatch, caplog, clock) -> None:
+    (tmp_path / "file").write_text("not a folder")
+    monkeypatch.setenv("BENCHHARNESS_CACHE", str(tmp_path / "file"))
+
+    def compute(parts: cache.Parts) -> cache.Arrays:
+        for second in range(0, 100, 20):
+            clock[0] = second
+            parts.put(str(second), {"x": np.ones(1)})
+        return {"x": np.ones(1)}
+
+    assert cache.cached_in_parts("kind", "key", compute)["x"] == 1
+    assert len(caplog.records) == 2, "a part, and the whole"

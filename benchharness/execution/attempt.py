@@ -15,12 +15,14 @@ from pathlib import Path
 from typing import Any
 
 from benchharness import processes
+from benchharness.render import making
 from benchharness.study.config import Entry, Job
 
 WORDS = {
     "out": {"entry", "status", "reason"},
     "ready": set(),
     "start": {"frame"},
+    "makes": {"what", "done", "total", "cheaper"},
     "watch": {"entry"},
     "waits": {"text"},
     "frame": {"frame", "records", "samples", "pictures"},
@@ -72,7 +74,7 @@ class Ending:
 def events(
     number: int, job: Job, setting: Setting, entries: list[Entry], frames: Collection[int], ending: Ending
 ) -> Iterator[dict]:
-    """The "out", "frame" and "waits" events of one worker; how it ended is left in `ending`."""
+    """The "out", "frame", "makes" and "waits" events of one worker; how it ended is left in `ending`."""
     folder = Path(setting.folder)
     job_file, log = folder / f"job-{number}.json", folder / f"worker-{number}.log"
     document = {
@@ -102,7 +104,8 @@ def events(
 def heard(
     child: processes.Child, timeout_s: float, entries: set[str], frames: set[int], ending: Ending
 ) -> Generator[dict, None, str | None]:
-    """Yields "out", "frame" and "waits"; follows the rest. Returns what went wrong, "" for a mere end, None if all is done."""
+    """Yields "out", "frame", "makes" and "waits"; follows the rest. Returns what went wrong, "" for a mere end, None if all is
+    done. Light and references that get on have time: with each of their parts the clock begins anew."""
     deadline: float | None = time.monotonic() + timeout_s
     waits_for = "the preparation of the scene"
     while True:
@@ -130,6 +133,10 @@ def heard(
             case "start":
                 deadline, waits_for = time.monotonic() + timeout_s, f"frame {event['frame']}"
                 ending.frame = event["frame"]
+            case "makes":
+                if not ending.entry:
+                    deadline = time.monotonic() + timeout_s
+                yield event
             case "waits":
                 deadline = None
                 yield event
@@ -146,6 +153,8 @@ def _check(event: dict, entries: set[str], frames: set[int]) -> None:
     """Raises ValueError for what a worker does not say, such as a plugin that writes on its channel."""
     kind = event.get("event")
     known = kind in WORDS and WORDS[kind] <= set(event)
+    if known and kind == "makes":
+        making.share_of(event)
     known = known and event.get("entry", "") in entries | {""} and ("frame" not in event or event["frame"] in frames)
     if known and kind == "frame":
         records, samples = event["records"], event["samples"]

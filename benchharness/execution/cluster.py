@@ -64,5 +64,5 @@ def execute_on(client: Any, setting: attempt.Setting, tasks: Sequence[tuple[int,
 
 
 def _whole(number: int, job: Job, setting: attempt.Setting, past: supervisor.Past) -> list[dict]:
-    """On a machine of the cluster: a job from beginning to end."""
-    return list(supervisor.execute(number, job, setting, past))
+    """On a machine of the cluster: a job from beginning to end, of which nobody hears before it."""
+    return [line for line in supervisor.execute(number, job, setting, past) if "makes" not in line]

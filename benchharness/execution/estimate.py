@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from benchharness.render.making import in_words
 from benchharness.study.config import Config, Job
 
 TOO_LONG_S = 3600.0
@@ -50,12 +51,3 @@ def agreed(what: str, seconds: float, tell: Callable[[str], None], *, yes: bool)
     if seconds > TOO_LONG_S and not yes:
         raise ValueError(f"{what} take about {in_words(seconds)}; accepted: fewer of them, or --yes to begin all the same")
     tell(f"{what}: about {in_words(seconds)}")
-
-
-def in_words(seconds: float) -> str:
-    """`40 s`, `12 min`, `3.5 h`, `6 days`."""
-    for least, unit, name in ((172_800, 86_400, "days"), (5_400, 3_600, "h"), (90, 60, "min")):
-        if seconds >= least:
-            value = seconds / unit
-            return f"{value:.1f} {name}" if value < 10 and name != "min" else f"{value:.0f} {name}"
-    return f"{max(1, round(seconds))} s"

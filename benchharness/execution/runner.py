@@ -22,6 +22,7 @@ from benchharness import platform
 from benchharness.execution import attempt, estimate, folder, supervisor
 from benchharness.execution.folder import Journal
 from benchharness.exits import Exit
+from benchharness.render.making import Share
 from benchharness.study.config import Config, Job
 from benchharness.tables import origin, results
 from benchharness.tables.columns import BROKEN
@@ -37,6 +38,9 @@ class Listener(Protocol):
 
     def frame(self, frame: int, records: list[dict]) -> None:
         """A frame is done."""
+
+    def making(self, share: Share) -> None:
+        """Light or a reference gets on."""
 
     def note(self, text: str) -> None:
         """Something the user should read."""
@@ -85,6 +89,9 @@ def run(
         for line in _lines(tasks, setting, listener, client):
             if "note" in line:
                 listener.note(line["note"])
+                continue
+            if "makes" in line:
+                listener.making(line["makes"])
                 continue
             journal.append(line)
             if "frame" in line:

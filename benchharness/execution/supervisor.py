@@ -9,6 +9,7 @@ Yields the lines of the journal as they come true:
 and what does not belong there:
 
     {"job", "note"}                                      something the user should read
+    {"job", "makes"}                                     how far light or a reference is, a `making.Share`
 
 What proves that a death is an entry's: it died, or threw what nobody caught, while it was in flight, twice in one frame, or
 was in flight when the time was over. A worker that died once may have been killed by anybody. Where it dies again outside
@@ -25,6 +26,7 @@ from dataclasses import dataclass, field
 
 from benchharness.execution import attempt
 from benchharness.execution.attempt import Ending, Setting
+from benchharness.render import making
 from benchharness.study.config import Job
 from benchharness.study.methods import Entry
 
@@ -82,8 +84,8 @@ class _Execution:
             for event in attempt.events(self.number, self.job, self.setting, entries, self.left, ending):
                 if event["event"] == "out":
                     yield self._leaves(event["entry"], {"status": event["status"], "reason": event["reason"]})
-                elif event["event"] == "waits":
-                    yield from self._waits(event["text"])
+                elif event["event"] in ("makes", "waits"):
+                    yield from self._beside(event)
                 else:
                     yield self._done(event["frame"], event["records"], event["samples"], event["pictures"])
                     self.lost = False
@@ -127,8 +129,8 @@ class _Execution:
                 if event["event"] == "out":
                     yield self._leaves(event["entry"], {"status": event["status"], "reason": event["reason"]})
                     continue
-                if event["event"] == "waits":
-                    yield from self._waits(event["text"])
+                if event["event"] in ("makes", "waits"):
+                    yield from self._beside(event)
                     continue
                 done = True
                 records += event["records"]
@@ -156,11 +158,13 @@ class _Execution:
             self.again.add(key)
         return {"job": self.number, "out": key, **columns, "again": again}
 
-    def _waits(self, text: str) -> Iterator[dict]:
-        """The note, once per job, that another process is timing."""
-        if not self.waited:
-            yield {"job": self.number, "note": text}
-        self.waited = True
+    def _beside(self, event: dict) -> Iterator[dict]:
+        """What is not for the journal: how far something is; and the note, once per job, that another process is timing."""
+        if event["event"] == "makes":
+            yield {"job": self.number, "makes": making.share_of(event)}
+        elif not self.waited:
+            self.waited = True
+            yield {"job": self.number, "note": event["text"]}
 
     def _done(
         self,

@@ -7,6 +7,7 @@ the log. It ends when its parent does, however that ended.
 Lines: {"event": "out", "entry", "status", "reason"}        the entry does not run in this job, and why
        {"event": "ready"}                                   the scene is prepared
        {"event": "start", "frame"}                          the clock of a frame starts
+       {"event": "makes", "what", "done", "total", "cheaper"} how far light or a reference is, see `making.Share`
        {"event": "watch", "entry"}                          native code of this entry starts; "" when it ends
        {"event": "waits", "text"}                           another process is timing; the clock begins anew with "start"
        {"event": "frame", "frame", "records", "samples",    a frame is done; checksums of its pictures by name
@@ -30,6 +31,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from benchharness import platform, processes
 from benchharness.execution import folder
+from benchharness.render import making
 from benchharness.study import plugins
 
 if TYPE_CHECKING:
@@ -98,20 +100,20 @@ def _work(job: dict[str, Any], say: Callable[[dict], None]) -> None:
 
     module, _, name = job["bench"].partition(":")
     out = None if job["out"] is None else Path(job["out"])
-    bench: Bench = getattr(importlib.import_module(module), name)(
-        scene, tuple(job["size"]), ReferenceOptions(**job["reference"]), out, job["seed"], tuple(job["rounds"])
-    )
-    say({"event": "ready"})
-    for frame in job["frames"]:
-        say({"event": "start", "frame": frame})
-        bench.prepare(frame)
-        with nullcontext() if out is None or frame not in job["images"] else folder.pictures(out) as pictures:
-            bench.out = None if pictures is None else pictures.folder
-            with _alone(frame, say):
-                records, samples = bench.run_frame(frame, methods, watch)
-            kept = {} if pictures is None else pictures.keep()
-        assert [r["entry"] for r in records] == list(methods), "one record per entry, in their order"
-        say({"event": "frame", "frame": frame, "records": records, "samples": samples, "pictures": kept})
+    measures, options = getattr(importlib.import_module(module), name), ReferenceOptions(**job["reference"])
+    with making.told(lambda share: say({"event": "makes", **asdict(share)})):
+        bench: Bench = measures(scene, tuple(job["size"]), options, out, job["seed"], tuple(job["rounds"]))
+        say({"event": "ready"})
+        for frame in job["frames"]:
+            say({"event": "start", "frame": frame})
+            bench.prepare(frame)
+            with nullcontext() if out is None or frame not in job["images"] else folder.pictures(out) as pictures:
+                bench.out = None if pictures is None else pictures.folder
+                with _alone(frame, say):
+                    records, samples = bench.run_frame(frame, methods, watch)
+                kept = {} if pictures is None else pictures.keep()
+            assert [r["entry"] for r in records] == list(methods), "one record per entry, in their order"
+            say({"event": "frame", "frame": frame, "records": records, "samples": samples, "pictures": kept})
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from benchharness import platform
 from benchharness.api import Method
 from benchharness.measure import contract, host, metrics, runup, timing
 from benchharness.needs import cases
@@ -64,10 +65,11 @@ def _answering(method: Method, scene: Scene) -> Iterator[None]:
 
 
 class Bench:
-    """A scene and its references; renderers are kept as long as the scene is the same."""
+    """A scene and its references; renderers are kept as long as the scene is the same. `waits` hears of it when another process
+    is timing on this machine, and this one would."""
 
-    def __init__(self, scene: Scene, setting: Setting) -> None:
-        self.scene, self.setting = scene, setting
+    def __init__(self, scene: Scene, setting: Setting, waits: Callable[[str], None] = lambda text: None) -> None:
+        self.scene, self.setting, self._waits = scene, setting, waits
         self._drawn: tuple[Scene, FrameRenderer] | None = None
 
     def renderer(self, scene: Scene) -> FrameRenderer:
@@ -85,7 +87,9 @@ class Bench:
         try:
             with _answering(method, scene):
                 shown = self._shown(scene, method, more)
-                error, ms = error_of(shown.maps, shown.masks), _frame_ms(self.renderer(scene), method, scene, shown.last)
+                error = error_of(shown.maps, shown.masks)
+            with platform.alone(self._waits), _answering(method, scene):
+                ms = _frame_ms(self.renderer(scene), method, scene, shown.last)
         except Unanswered as unanswered:
             return {"status": unanswered.status, "reason": str(unanswered)}
         return {

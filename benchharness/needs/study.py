@@ -10,6 +10,7 @@ from rich.console import Console
 
 from benchharness import platform
 from benchharness.needs import cases, measuring, objects
+from benchharness.render import making
 from benchharness.render.ready import lit
 from benchharness.render.reference import ReferenceOptions
 from benchharness.scene import Scene
@@ -34,7 +35,8 @@ LIT = "ray_traced"  # the method that shows what the light's noise is
 
 
 def run(config: Config, wanted: Sequence[str], out: Path, console: Console) -> None:
-    """Measures, and writes the tables after every knob and every object. `wanted`: scenes, all if empty.
+    """Measures, and writes the tables after every knob and every object. `wanted`: scenes, all if empty. The machine's lock is
+    held while frames are timed.
 
     Raises ValueError for a scene that the config has not, and for a folder in use.
     """
@@ -48,6 +50,7 @@ def run(config: Config, wanted: Sequence[str], out: Path, console: Console) -> N
     import drjit as dr
 
     dr.set_log_level(dr.LogLevel.Error)  # kernels are recorded for every model, more often than Dr.Jit finds natural
+    platform.see_machine_lock()
     out.mkdir(parents=True, exist_ok=True)
     origin.write_environment(out, {**origin.environment(config.run.variant), "config": config.name})
     tables: dict[str, list[dict]] = {NEEDS_SAMPLES: [], NEEDS: [], NEEDS_OBJECTS: []}
@@ -58,22 +61,25 @@ def run(config: Config, wanted: Sequence[str], out: Path, console: Console) -> N
     }
     for table in tables:
         files.write(out / table, [], *columns[table])
-    with platform.alone(console.print), console.status("") as status:
+    keys = {f"[reference] {name} = {value}" for name, value in config.reference.items()}
+    keys.add(f"[run] size = {list(config.run.size)}")
+    with console.status("") as status, making.told(making.teller(console, status, keys)):
         for name in wanted or jobs:
-            for table, rows in _scene(jobs[name], config, status.update):
+            for table, rows in _scene(jobs[name], config, status.update, console.print):
                 tables[table] += rows
                 files.write(out / table, tables[table], *columns[table])
 
 
-def _scene(job: Job, config: Config, say: Callable[[str], None]) -> Iterator[tuple[str, list[dict]]]:
+def _scene(
+    job: Job, config: Config, say: Callable[[str], None], waits: Callable[[str], None]
+) -> Iterator[tuple[str, list[dict]]]:
     """New rows of tables: of every knob in a scene, then of every object."""
     options, label = ReferenceOptions(**config.reference), job.scene.label
     say(f"{label}: building")
     asked = lit(job.scene.build(), options.bake_spp, config.run.seed)
     scene, split = replace(asked, h_max=None), cases.short_edged(asked)
-    bench = measuring.Bench(
-        scene, measuring.Setting((config.run.size[0], config.run.size[1]), job.frames, options, config.run.seed)
-    )
+    setting = measuring.Setting((config.run.size[0], config.run.size[1]), job.frames, options, config.run.seed)
+    bench = measuring.Bench(scene, setting, waits)
     for turn in _turns(job, scene, split, config.run.seed):
         samples, knee = measuring.turned(bench, label, turn, say)
         yield NEEDS_SAMPLES, samples

@@ -33,6 +33,9 @@ Poses are those at time 0; shadows and bounces do not follow objects that move. 
 of its own: it shows that of its front.
 
 What is traced is the normalised scene (`benchharness.render.normalisation`), wherever the given one stands.
+
+Vertices are traced some at a time, and those that are done are kept until all are (`cache.Parts`), so that a bake that is
+killed goes on from there: no vertex depends on which others are traced with it.
 """
 
 # pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false
@@ -41,8 +44,8 @@ What is traced is the normalised scene (`benchharness.render.normalisation`), wh
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from itertools import pairwise
+from dataclasses import dataclass, replace
+from itertools import count, pairwise
 
 import drjit as dr
 import mitsuba as mi
@@ -53,7 +56,7 @@ import benchharness.cache as cache
 import benchharness.render.mitsuba_scene as mitsuba_scene
 from benchharness.modelling import lightmesh, winding
 from benchharness.modelling.lightmesh import LightMesh, filled
-from benchharness.render import finer, lightmaps
+from benchharness.render import finer, lightmaps, making
 from benchharness.render.normalisation import normalised
 from benchharness.scene import Mesh, PointLight, Scene
 
@@ -82,7 +85,8 @@ def bake(scene: Scene, spp: int = 512, max_depth: int = 6, seed: int = 0) -> Sce
         (int(spp), int(max_depth), int(seed)),
         [cache.source_hash(*lightmaps.SOURCES)] if scene.lightmaps else [],
     )
-    baked = cache.cached("bake", key, lambda: _light(local, int(spp), int(max_depth), int(seed)))
+    options = int(spp), int(max_depth), int(seed)
+    baked = cache.cached_in_parts("bake", key, lambda parts: _light(local, _Tracing(*options, parts)))
     meshes = [part.mesh for part in scene.objects]
     meshes = (lightmaps.applied if scene.lightmaps and scene.objects else _applied)(meshes, baked)
     objects = (replace(part, mesh=mesh) for part, mesh in zip(scene.objects, meshes, strict=True))
@@ -98,22 +102,34 @@ def _applied(meshes: Sequence[Mesh], arrays: cache.Arrays) -> list[Mesh]:
     return [replace(mesh, light=None, **found) for mesh, found in zip(meshes, rows, strict=True)]
 
 
-def _light(scene: Scene, spp: int, max_depth: int, seed: int) -> cache.Arrays:
+@dataclass(frozen=True)
+class _Tracing:
+    """How paths are traced, as in `bake`, and where vertices are kept that are done."""
+
+    spp: int
+    max_depth: int
+    seed: int
+    parts: cache.Parts
+
+
+def _light(scene: Scene, tracing: _Tracing) -> cache.Arrays:
     """Radiance of all objects' vertices, float32 [V, 3]; and visibility, float32 [V, L], if the scene is glossy. With lightmaps
     what `lightmaps.found` says, in the place of the former."""
     if not scene.objects:
         return {"radiance": np.zeros((0, 3), np.float32)}
     meshes = [part.mesh.transformed(part.pose(0.0)) for part in scene.objects]
     world = mitsuba_scene.mitsuba_scene(scene, 0.0, "transport", [winding.closed_faces(part.mesh) for part in scene.parts])
+    rounds = count()
 
     def arriving(mesh: LightMesh, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        vertices = _Vertices(mesh.places, mesh.normals, mesh.faces)
-        incoming, counted, batches, *_ = _incoming(scene, world, vertices, chosen, spp, max_depth, seed)
+        vertices, number = _Vertices(mesh.places, mesh.normals, mesh.faces), next(rounds)
+        stage = f"finer light, {number} of at most {finer.ROUNDS} times" if number else "light"
+        incoming, counted, batches, *_ = _incoming(scene, world, vertices, chosen, tracing, stage)
         return incoming, counted, batches
 
     arrays = {}
     if not scene.lightmaps or scene.glossy:
-        arrays = _at_vertices(scene, world, meshes, spp, max_depth, seed)
+        arrays = _at_vertices(scene, world, meshes, tracing)
     if not scene.lightmaps:
         return arrays
     found = lightmaps.found(meshes, scene.size, arriving)
@@ -123,13 +139,13 @@ def _light(scene: Scene, spp: int, max_depth: int, seed: int) -> cache.Arrays:
     return found
 
 
-def _at_vertices(scene: Scene, world: mi.Scene, meshes: Sequence[Mesh], spp: int, max_depth: int, seed: int) -> cache.Arrays:
+def _at_vertices(scene: Scene, world: mi.Scene, meshes: Sequence[Mesh], tracing: _Tracing) -> cache.Arrays:
     """Radiance at vertices, and visibility if the scene is glossy."""
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
     p, n = (np.concatenate([np.asarray(getattr(mesh, name)) for mesh in meshes]) for name in ("vertices", "normals"))
     faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
     every = np.arange(len(p))
-    incoming, counted, _, *seen = _incoming(scene, world, _Vertices(p, n, faces), every, spp, max_depth, seed)
+    incoming, counted, _, *seen = _incoming(scene, world, _Vertices(p, n, faces), every, tracing, "light at vertices")
     out, visibility, start = [], [], 0
     for mesh in meshes:
         end = start + len(mesh.vertices)
@@ -168,47 +184,62 @@ class _Vertices:
         self.cdf = (total - before) / (last - before)
 
 
-def _incoming(
-    scene: Scene, world: mi.Scene, vertices: _Vertices, chosen: np.ndarray, spp: int, max_depth: int, seed: int
-) -> list:
+def _incoming(scene: Scene, world: mi.Scene, vertices: _Vertices, chosen: np.ndarray, tracing: _Tracing, stage: str) -> list:
     """Mean of L_i under K, float64 [V, 3]; how many paths it is the mean of, int [V]; with lightmaps the same of batches of the
     paths, float64 [V, B, 3]; and per light, if the scene is glossy, the share of points that see it, float64 [V], and of how
-    many, int [V]. 0 for vertices that are not chosen."""
-    integrator = mi.load_dict({"type": "path", "max_depth": max_depth, "rr_depth": 1 << 20})
+    many, int [V]. 0 for vertices that are not chosen. `stage`: of the bake, in words."""
+    spp, seed = tracing.spp, tracing.seed
+    integrator = mi.load_dict({"type": "path", "max_depth": tracing.max_depth, "rr_depth": 1 << 20})
     sampler = _common_sampler(spp)
     sobol = qmc.Sobol(7, scramble=True, rng=np.random.default_rng(seed))
     points = sobol.random_base2((spp - 1).bit_length())[:spp]
     points = np.minimum(points, np.nextafter(np.float32(1), np.float32(0)))
 
-    count = len(vertices.p)
-    incoming, counted = np.zeros((count, 3)), np.zeros(count, np.int64)
     every = min(finer.BATCHES, spp) if scene.lightmaps else 0
-    batches = np.zeros((count, every, 3))
     lights = scene.lights if scene.glossy else ()
-    seen = [(np.zeros(count), np.zeros(count, np.int64)) for _ in lights]
-    lit = np.intersect1d(vertices.owner, chosen)
-    step = max(1, LANES // spp)
-    for start in range(0, len(lit), step):
-        chunk = lit[start : start + step]
+
+    def traced(chunk: np.ndarray) -> cache.Arrays:
         p, face_n = _points(vertices, chunk, points)
         n = np.repeat(vertices.n[chunk], spp, axis=0)
         u = np.tile(points[:, 3:7], (len(chunk), 1))
         sampler.seed(seed, len(p))
         L, valid = _paths(world, integrator, sampler, p, n, face_n, u)
-        valid = valid.reshape(len(chunk), spp)
-        counted[chunk] = valid.sum(axis=1)
-        total = (L.reshape(len(chunk), spp, 3) * valid[..., None]).sum(axis=1)
-        incoming[chunk] = total / np.maximum(counted[chunk], 1)[:, None]
+        L, valid = L.reshape(len(chunk), spp, 3), valid.reshape(len(chunk), spp)
+        counted = valid.sum(axis=1)
+        incoming = (L * valid[..., None]).sum(axis=1) / np.maximum(counted, 1)[:, None]
+        batches = np.zeros((len(chunk), every, 3))
         for b in range(every):
-            paths, of_batch = L.reshape(len(chunk), spp, 3)[:, b::every], valid[:, b::every]
+            paths, of_batch = L[:, b::every], valid[:, b::every]
             number = of_batch.sum(axis=1)[:, None]
             mean = (paths * of_batch[..., None]).sum(axis=1) / np.maximum(number, 1)
-            batches[chunk, b] = np.where(number > 0, mean, incoming[chunk])
-        for light, (share, number) in zip(lights, seen, strict=True):
+            batches[:, b] = np.where(number > 0, mean, incoming)
+        share, number = np.zeros((len(lights), len(chunk))), np.zeros((len(lights), len(chunk)), np.int64)
+        for i, light in enumerate(lights):
             turned, open_ = (a.reshape(len(chunk), spp) & valid for a in _sight(world, light, p, face_n))
-            number[chunk] = turned.sum(axis=1)
-            share[chunk] = (turned & open_).sum(axis=1) / np.maximum(number[chunk], 1)
-    return [incoming, counted, batches, *seen]
+            number[i] = turned.sum(axis=1)
+            share[i] = (turned & open_).sum(axis=1) / np.maximum(number[i], 1)
+        return {"incoming": incoming, "counted": counted, "batches": batches, "share": share, "number": number}
+
+    size = len(vertices.p)
+    incoming, counted, batches = np.zeros((size, 3)), np.zeros(size, np.int64), np.zeros((size, every, 3))
+    share, number = np.zeros((len(lights), size)), np.zeros((len(lights), size), np.int64)
+    lit = np.intersect1d(vertices.owner, chosen)
+    step = max(1, LANES // spp)
+
+    def tell(done: int) -> None:
+        making.tell(making.Share(f"{scene.name}, {stage}", done, len(lit), f"[reference] bake_spp = {spp}"))
+
+    for start in range(0, len(lit), step):
+        chunk, name = lit[start : start + step], cache.content_hash(stage, start)
+        found = tracing.parts.get(name)
+        if found is None:
+            tell(start)
+            found = traced(chunk)
+            tracing.parts.put(name, found)
+        incoming[chunk], counted[chunk], batches[chunk] = found["incoming"], found["counted"], found["batches"]
+        share[:, chunk], number[:, chunk] = found["share"], found["number"]
+    tell(len(lit))
+    return [incoming, counted, batches, *zip(share, number, strict=True)]
 
 
 def _sight(world: mi.Scene, light: PointLight, p: np.ndarray, face_n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

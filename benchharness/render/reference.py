@@ -9,6 +9,9 @@ that mirror again and costs a bounce.
 What is traced is the normalised scene (`benchharness.render.normalisation`): Mitsuba moves the origins of rays by lengths that
 are small beside a metre, and only there. Rays of the eye start at the near plane, or where the scene begins if that is
 farther: from an eye that is far away, single precision would start them beside their pixels.
+
+Samples are taken in passes over all pixels, whose sums are kept until all are done (`cache.Parts`), so that a reference that
+is killed goes on from the last of them.
 """
 
 # pyright: reportArgumentType=false, reportCallIssue=false, reportAttributeAccessIssue=false, reportOperatorIssue=false
@@ -24,7 +27,7 @@ import numpy as np
 
 import benchharness.cache as cache
 import benchharness.render.mitsuba_scene as mitsuba_scene
-from benchharness.render import mitsuba_normalmap
+from benchharness.render import making, mitsuba_normalmap
 from benchharness.render.bake import bake
 from benchharness.render.normalisation import normalised
 from benchharness.scene import Camera, Reflector, Scene
@@ -127,19 +130,29 @@ def render(
         scene.near_plane,
         asdict(options) | {"max_depth": options.depth, "bake_spp": 0},
     )
-    arrays = cache.cached("reference", key, lambda: _render(scene, time, camera, width, height, options, seed))
+    arrays = cache.cached_in_parts(
+        "reference", key, lambda parts: _render(scene, time, camera, width, height, options, seed, parts)
+    )
     arrays = {**arrays, "distance": np.float32(to_metres) * arrays["distance"]}
     return Reference(**{name: array for name, array in arrays.items() if name != "spp"}, spp=int(arrays["spp"]))
 
 
 def _render(
-    scene: Scene, time: float, camera: Camera, width: int, height: int, options: ReferenceOptions, seed: int
+    scene: Scene,
+    time: float,
+    camera: Camera,
+    width: int,
+    height: int,
+    options: ReferenceOptions,
+    seed: int,
+    parts: cache.Parts,
 ) -> cache.Arrays:
     number = [_reflector_number(scene, part) for part in scene.parts]
     marks = [np.full(len(part.mesh.faces), i) for part, i in zip(scene.parts, number, strict=True)]
     world = mitsuba_scene.mitsuba_scene(scene, time, options.lighting, marks)
     start = max(scene.near_plane, _nearest(scene, time, camera))
-    image, variance, spp = _sampled(world, camera, start, width, height, options, seed)
+    what = f"{scene.name}, reference at {time:g} s"
+    image, variance, spp = _sampled(world, camera, start, width, height, options, seed, parts, what)
     mapped = any(one.normal_map is not None for one in scene.reflectors)
     reflector, distance, second, back = _geometry(world, camera, start, width, height, mapped=mapped)
     shape = (height, width)
@@ -179,20 +192,30 @@ def camera_rays(camera: Camera, start: float, width: int, height: int, x: mi.Flo
 
 
 def _sampled(
-    world: mi.Scene, camera: Camera, start: float, width: int, height: int, options: ReferenceOptions, seed: int
+    world: mi.Scene,
+    camera: Camera,
+    start: float,
+    width: int,
+    height: int,
+    options: ReferenceOptions,
+    seed: int,
+    parts: cache.Parts,
+    what: str,
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """Mean and variance of the mean, float64 [H W, 3], and the number of samples."""
+    """Mean and variance of the mean, float64 [H W, 3], and the number of samples. `parts`: where the sums of passes are kept;
+    `what`: see `making.Share`."""
     integrator = mi.load_dict({"type": "path", "max_depth": options.depth, "rr_depth": 1 << 20})
     sampler = mi.load_dict({"type": "independent"})
     pixels = width * height
     per_pass = max(1, LANES // pixels)
     certain = options.lighting == "baked" and options.filter == "center"
+    cheaper = f"[run] size = {[width, height]}" if certain else f"[reference] spp = {options.spp}"
 
     # Sums of differences to the first sample: samples that agree give a variance of exactly zero.
-    first = np.zeros((pixels, 3))
-    total, squares = np.zeros((pixels, 3)), np.zeros((pixels, 3))
-    done, wanted = 0, max(2, options.spp)
-    while done < wanted:
+    sums = parts.get("sums") or {"done": np.array(0)} | {name: np.zeros((pixels, 3)) for name in ("first", "total", "squares")}
+    first, total, squares, done, wanted = sums["first"], sums["total"], sums["squares"], int(sums["done"]), max(2, options.spp)
+    while done < wanted and not (certain and done >= 2 and not squares.any()):
+        making.tell(making.Share(what, done, wanted, cheaper))
         n = min(per_pass, wanted - done, 2 if certain and done < 2 else wanted)
         lane = dr.arange(mi.UInt32, pixels * n)
         pixel = lane // dr.opaque(mi.UInt32, n)
@@ -206,8 +229,8 @@ def _sampled(
         total += (L - first[:, None]).sum(axis=1)
         squares += ((L - first[:, None]) ** 2).sum(axis=1)
         done += n
-        if certain and done >= 2 and not squares.any():
-            break
+        parts.put("sums", {"done": np.array(done), "first": first, "total": total, "squares": squares})
+    making.tell(making.Share(what, wanted, wanted, cheaper))
     mean = total / done
     variance = np.maximum(squares / done - mean**2, 0) / max(done - 1, 1)
     image = first + mean

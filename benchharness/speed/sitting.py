@@ -79,13 +79,18 @@ def speed(
     platform.use_variant(VARIANT)
     import drjit as dr
 
-    from benchharness.speed import llvmpipe, rivals
+    from benchharness.render import making
+    from benchharness.speed import llvmpipe, popescu, rivals
 
     # Kernels are recorded for every scene and every side, which is more often than Dr.Jit finds natural, and warns.
     dr.set_log_level(dr.LogLevel.Error)
-    still, moving = kitchen(detail), kitchen(detail, moving=True)
-    if frame >= still.frames:
-        raise ValueError(f"speed: frame is {frame}; accepted: 0 to {still.frames - 1}")
+    # Light is baked before the machine is held: others may time meanwhile.
+    with console.status("baking") as status, making.told(making.teller(console, status)):
+        still, moving = kitchen(detail), kitchen(detail, moving=True)
+        if frame >= still.frames:
+            raise ValueError(f"speed: frame is {frame}; accepted: 0 to {still.frames - 1}")
+        details = {d: kitchen(d) for d in ("lean", "paper")} if vertices else {}
+        beside = impostor_scenes(detail, popescu.Settings().reflectors) if impostors else None
     out.mkdir(parents=True, exist_ok=True)
     with platform.alone(console.print):
         drawn = refined(still)
@@ -105,21 +110,23 @@ def speed(
         origin.write_environment(out, {**origin.environment(VARIANT), "opengl": renderer, "speed": asked})
         console.print(table(rows))
         if vertices:
-            _vertices(out, size, frame, rounds, console)
+            _vertices(out, details, size, frame, rounds, console)
         if iterations:
             _iterations(out, drawn, size, frame, console)
-        if impostors:
-            _impostors(out, size, detail, rounds, console)
+        if beside is not None:
+            _impostors(out, beside, size, rounds, console)
         if complexity:
             _complexity(out, still, size, frame, rounds, console)
     console.print(str(out))
 
 
-def _vertices(out: Path, size: tuple[int, int], frame: int, rounds: int, console: Console) -> None:
+def _vertices(
+    out: Path, details: Mapping[str, Scene], size: tuple[int, int], frame: int, rounds: int, console: Console
+) -> None:
     from benchharness.speed import tessellation
 
     with console.status("") as status:
-        found = tessellation.study({d: kitchen(d) for d in ("lean", "paper")}, size, frame, rounds, status.update)
+        found = tessellation.study(details, size, frame, rounds, status.update)
     files.write(out / VERTICES, found.rows, tessellation.COLUMNS)
     files.write(out / FITS, found.fits, tessellation.FIT_COLUMNS)
     files.write(out / "vertices-samples.csv", found.samples, tessellation.SAMPLE_COLUMNS)
@@ -139,14 +146,14 @@ def _iterations(out: Path, scene: Scene, size: tuple[int, int], frame: int, cons
     console.print(plain_table(rows, iterations.COLUMNS))
 
 
-def _impostors(out: Path, size: tuple[int, int], detail: str, rounds: int, console: Console) -> None:
+def _impostors(
+    out: Path, scenes: tuple[Scene, dict[int, Scene], Scene], size: tuple[int, int], rounds: int, console: Console
+) -> None:
     from benchharness.speed import edges, popescu
     from benchharness.speed import impostors as study
 
-    settings = popescu.Settings()
-    with console.status("baking") as status:
-        scenes = study.Scenes(*impostor_scenes(detail, settings.reflectors))
-        found = study.study(scenes, size, rounds, status.update, settings)
+    with console.status("") as status:
+        found = study.study(study.Scenes(*scenes), size, rounds, status.update, popescu.Settings())
     files.write(out / IMPOSTORS, found.rows, popescu.COLUMNS)
     files.write(out / "impostors-samples.csv", found.samples, popescu.SAMPLE_COLUMNS)
     edges.strip(found.panels, out / "impostor-edges.png")

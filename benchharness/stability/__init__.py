@@ -26,6 +26,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from benchharness import cache, platform
 from benchharness.execution import folder
 from benchharness.exits import Exit
+from benchharness.render import making
 from benchharness.study import shipped
 from benchharness.tables import columns, files, naming, origin
 
@@ -103,7 +104,7 @@ def run(
         made = [_Study(name, place, groups[name]) for name in planned.studies]
         _add(made, done.values(), tell)
         works = [children.Work(study.name, study.groups, study.module.APIECE) for study in made]
-        for each in children.run(works, images, done=done):
+        for each in children.run(works, images, done=done, hears=making.Teller(tell, making.SELDOM_S, keys=())):
             study, group, number = each.place
             line = {"study": study, "group": group, "unit": number, "record": each.record, "pictures": each.pictures}
             journal.append(line)

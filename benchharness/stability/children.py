@@ -20,15 +20,17 @@ import tempfile
 import threading
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from benchharness import platform, processes
 from benchharness.execution import folder
+from benchharness.render import making
+from benchharness.render.making import Share
 
 VARIANT = "llvm_ad_rgb"
-TIMEOUT_S = 600.0  # that a unit may take, its share of what comes before the first included
+TIMEOUT_S = 600.0  # that a unit may take, its share of what comes before the first included; and each part of light
 
 Place = tuple[str, str, int]
 """Of a unit in a run: study, group, number in the group."""
@@ -84,16 +86,17 @@ def run(
     workers: int | None = None,
     timeout_s: float = TIMEOUT_S,
     done: Collection[Place] = (),
+    hears: Callable[[Share], None] = lambda share: None,
 ) -> Iterator[Done]:
     """What comes of all units but those that are done, as it comes; `workers` processes at a time, as many as there are cores
-    if None. Whoever stops listening ends them.
+    if None. `hears` is told how far light and references are. Whoever stops listening ends them.
 
     A record that a unit could not give is {"status": "crashed" or "timeout", "reason": ...}.
     """
     cores = os.cpu_count() or 1
     workers = workers or cores
     threads = max(1, cores // workers)  # more of them only wait for each other: a quarter longer
-    heard: queue.SimpleQueue[Done | Future] = queue.SimpleQueue()
+    heard: queue.SimpleQueue[Done | Share | Future] = queue.SimpleQueue()
     brood = _Brood()
     with ThreadPoolExecutor(workers) as pool:
         lots = [lot for work in works for lot in _lots(work, done)]
@@ -105,6 +108,8 @@ def run(
                 said = heard.get()
                 if isinstance(said, Done):
                     yield said
+                elif isinstance(said, Share):
+                    hears(said)
                 else:
                     said.result()  # raises what went wrong there
                     left -= 1
@@ -124,7 +129,12 @@ def _lots(work: Work, done: Collection[Place]) -> Iterator[list[tuple[Place, dic
 
 
 def _lot(
-    lot: list[tuple[Place, dict]], images: Path, threads: int, timeout_s: float, tell: Callable[[Done], None], brood: _Brood
+    lot: list[tuple[Place, dict]],
+    images: Path,
+    threads: int,
+    timeout_s: float,
+    tell: Callable[[Done | Share], None],
+    brood: _Brood,
 ) -> None:
     left = list(lot)
     while left and not brood.ended:
@@ -134,7 +144,12 @@ def _lot(
 
 
 def _child(
-    left: list[tuple[Place, dict]], images: Path, threads: int, timeout_s: float, tell: Callable[[Done], None], brood: _Brood
+    left: list[tuple[Place, dict]],
+    images: Path,
+    threads: int,
+    timeout_s: float,
+    tell: Callable[[Done | Share], None],
+    brood: _Brood,
 ) -> dict | None:
     """Takes the units that one process did from those that are left. Returns what to say of the next one, None if none is."""
     study = left[0][0][0]
@@ -147,7 +162,10 @@ def _child(
         brood.add(child)
         try:
             while (said := child.next(timeout_s)) is not None:
-                tell(Done(*left.pop(0), said["record"], said["pictures"]))
+                if "makes" in said:
+                    tell(making.share_of(said["makes"]))
+                else:
+                    tell(Done(*left.pop(0), said["record"], said["pictures"]))
             if not left:
                 return None
             return {"status": "crashed", "reason": f"the process ended with {child.cause()}: {child.words()}"}
@@ -169,7 +187,8 @@ def _work(file: str) -> None:
 
     dr.set_thread_count(job["threads"])
     study = importlib.import_module(f"benchharness.stability.{job['study']}")
-    with folder.pictures(Path(job["images"])) as pictures:
+    makes = making.told(lambda share: say({"makes": asdict(share)}))
+    with makes, folder.pictures(Path(job["images"])) as pictures:
         for record in study.work(job["units"], pictures.folder):
             say({"record": record, "pictures": pictures.keep()})
 

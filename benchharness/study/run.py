@@ -35,7 +35,8 @@ class Run:
     min_rounds  timed rounds at least, and
     max_rounds  at most, until the median is known well enough
     images      frames whose pictures are kept; all if not given
-    timeout_s   seconds that a frame may take with all its methods, and the scene's preparation
+    timeout_s   seconds that a frame may take with all its methods, and the scene's preparation; counted anew from every part of
+                light and references that is done
     """
 
     variant: Literal["llvm_ad_rgb", "cuda_ad_rgb"] = "llvm_ad_rgb"

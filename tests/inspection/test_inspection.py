@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 from PIL import Image
+from rich.console import Console
 from typer.testing import CliRunner
 
 from benchharness import cli, inspection
@@ -119,4 +120,4 @@ def test_what_cannot_be_run_is_said_with_exit_code_two(tmp_path):
         done = CliRunner().invoke(cli.app, ["inspect", str(path)])
         assert (done.exit_code, word in done.stderr) == (2, True), done.stderr
     with pytest.raises(ValueError, match="--size"):
-        next(inspection.examined(path, tmp_path, (8, 8), print))
+        next(inspection.examined(path, tmp_path, (8, 8), Console()))

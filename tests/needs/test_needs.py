@@ -5,9 +5,12 @@ from __future__ import annotations
 import re
 
 import pytest
+from support.study import machine
 from typer.testing import CliRunner
 
 from benchharness import cli
+from benchharness.needs import measuring
+from benchharness.needs import study as needs
 from benchharness.report import needs as page
 from benchharness.tables import files
 from benchharness.tables.needs import KNEE_KINDS, NEEDS, NEEDS_OBJECTS, NEEDS_SAMPLES, OBJECT_KINDS, SAMPLE_KINDS
@@ -182,6 +185,22 @@ def test_a_folder_in_use_is_left_alone(folder):
     result = asked()
     assert result.exit_code == 2 and "in use" in result.output
     assert [f.name for f in (folder / "out").iterdir()] == ["mine.txt"]
+
+
+def test_the_machine_is_held_while_frames_are_timed_and_free_while_light_and_references_are_made(folder, monkeypatch):
+    seen = set()
+
+    def noted(module, name):
+        function = getattr(module, name)
+        monkeypatch.setattr(module, name, lambda *args: seen.add((name, machine())) or function(*args))
+
+    noted(needs, "lit")
+    noted(measuring.reference, "render")
+    noted(measuring, "_frame_ms")
+    knob(folder)
+    result = asked()
+    assert result.exit_code == 0, result.output
+    assert seen == {("lit", "free"), ("render", "free"), ("_frame_ms", "held")}
 
 
 # What the page says

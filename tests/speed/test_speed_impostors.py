@@ -14,6 +14,7 @@ from support.ink import ink, pixels, shown
 from support.mirror_room import lit, mirror_ball
 from support.mirror_room import scene as scene_of
 from support.small_room import quad
+from support.study import machine
 from typer.testing import CliRunner
 
 from benchharness import cli
@@ -210,15 +211,22 @@ def test_the_strip_shows_where_mistakes_are(found):
 
 @pytest.mark.exhaustive
 def test_the_command_writes_tables_and_pictures(found, room, tmp_path, monkeypatch):
-    asked = []
+    asked, states = [], []
+
+    def said(answer, *what):
+        asked.append(what)
+        states.append(machine())
+        return answer
+
     monkeypatch.setattr(speed, "kitchen", lambda detail, moving=False: room)
     monkeypatch.setattr(rivals, "comparisons", lambda *args: [])
-    monkeypatch.setattr(speed, "baked", lambda name, **keywords: asked.append((name, keywords)) or name)
-    monkeypatch.setattr(impostors, "study", lambda *args: asked.append(args) or found)
+    monkeypatch.setattr(speed, "baked", lambda name, **keywords: said(name, name, keywords))
+    monkeypatch.setattr(impostors, "study", lambda *args: said(found, *args))
     out = tmp_path / "run"
     arguments = ["--out", str(out), "--size", "48", "32", "--frame", "1", "--detail", "lean", "--rounds", "2", "--impostors"]
     done = CliRunner().invoke(cli.app, ["speed", *arguments])
     assert done.exit_code == 0, done.output
+    assert states == [*11 * ["free"], "held"], "light is baked while others may time"
     scenes, size, rounds, _, settings = asked.pop()
     assert (scenes.maps, scenes.pots, size, rounds, settings) == ("bunnies", "teapots", (48, 32), 2, popescu.Settings())
     assert list(scenes.spheres) == list(range(1, 10))

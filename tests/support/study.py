@@ -6,6 +6,7 @@ import zlib
 from pathlib import Path
 
 from benchharness import platform
+from benchharness.render import making
 
 SCENE = """
 import numpy as np
@@ -82,6 +83,32 @@ class Bench:
         return records, samples
 
 
+def machine() -> str:
+    """Whether the machine's lock is "held" or "free"."""
+
+    def busy():
+        raise BlockingIOError
+
+    try:
+        with platform.locked(platform.machine_lock(), busy):
+            return "free"
+    except BlockingIOError:
+        return "held"
+
+
+class Telling(Bench):
+    """Says how far it is with light and references."""
+
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        for done in range(4):
+            making.tell(making.Share("light", done, 3, "[reference] bake_spp = 512"))
+
+    def prepare(self, index):
+        for done in (0, 2):
+            making.tell(making.Share(f"reference {index}", done, 2))
+
+
 class Watchful(Bench):
     """Notes when the machine's lock is held."""
 
@@ -91,16 +118,8 @@ class Watchful(Bench):
         self.note("begins")
 
     def note(self, what):
-        def busy():
-            raise BlockingIOError
-
-        try:
-            with platform.locked(platform.machine_lock(), busy):
-                state = "free"
-        except BlockingIOError:
-            state = "held"
         with self.file.open("a") as file:
-            file.write(f"{what} {state}\n")
+            file.write(f"{what} {machine()}\n")
 
     def prepare(self, index):
         self.note("prepares")
