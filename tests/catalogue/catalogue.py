@@ -1,7 +1,8 @@
 """The catalogue's figures beside this project's: `PYTHONPATH=tests python -m catalogue.catalogue`, from the repository's root.
 
 The catalogue of failures and the description of algorithms quote what a prototype measured. Each of those figures is a row: it
-is measured here with this project's kernels and accepted within an interval that has a reason, or another test pins it.
+is measured here with this project's kernels and accepted within an interval that has a reason, or another test pins it. What
+papers claim without a figure is measured too, where a small experiment can say it.
 """
 
 from __future__ import annotations
@@ -19,9 +20,22 @@ NOT_HERE = {"I-20, 6.4": "distance impostors"}  # no method of this project's
 
 def table() -> list[Row | Elsewhere]:
     """Every row, by part. The parts import Mitsuba: LLVM has to be chosen before."""
-    from catalogue import catalogue_images, catalogue_searches, catalogue_secants, catalogue_triangles, catalogue_truths
+    from catalogue import (
+        catalogue_costs,
+        catalogue_curves,
+        catalogue_images,
+        catalogue_pictures,
+        catalogue_refraction,
+        catalogue_searches,
+        catalogue_secants,
+        catalogue_steps,
+        catalogue_triangles,
+        catalogue_truths,
+    )
 
-    parts = (catalogue_truths, catalogue_searches, catalogue_secants, catalogue_triangles, catalogue_images)
+    searches = (catalogue_truths, catalogue_searches, catalogue_secants, catalogue_triangles)
+    claims = (catalogue_steps, catalogue_curves, catalogue_costs, catalogue_refraction, catalogue_pictures)
+    parts = (*searches, catalogue_images, *claims)
     return [row for part in parts for row in part.ROWS]
 
 

@@ -11,10 +11,10 @@ from scipy.stats import betabinom
 @dataclass(frozen=True)
 class Row:
     """
-    entry      of the catalogue of failures, or the section of the description of algorithms
+    entry      of the catalogue of failures, or the section of the description of algorithms or of a paper, such as "RH06 3.1"
     what       the figure, its unit and its scene
-    catalogue  what a prototype in float64 NumPy measured, as text
-    measure    what this project's kernels measure
+    catalogue  what a prototype in float64 NumPy measured, as text; of a paper's section, what the paper says
+    measure    what this project's kernels measure; of what it has no kernel for, an experiment in float64
     low, high  what is accepted, both included
     why        why that much; where the figures differ by design, why
     """

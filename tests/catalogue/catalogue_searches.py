@@ -15,7 +15,7 @@ import pytest
 from catalogue.catalogue_row import Elsewhere, Row, drawn_again, within
 from support.placed import host, points
 from support.search_textures import EYE, SHAPES, SIZE, camera, on_screen, texture
-from support.truth_shapes import reverse_constructed, unit
+from support.truth_shapes import alhazen, reverse_constructed
 
 from benchharness.kernels import optics
 from benchharness.kernels.vertices import search
@@ -71,17 +71,6 @@ def off_px(one, other, cam=VIEW, size=SIZE):
     return np.linalg.norm(on_screen(one, cam, size) - on_screen(other, cam, size), axis=1)
 
 
-def alhazens(V):
-    """Reflection points of V [N, 3]: `truth_shapes.alhazen` for many."""
-    a, b, to_V = np.broadcast_to(unit(EYE), V.shape), unit(V), unit(V)
-    for _ in range(60):
-        m = unit(a + b)
-        e = unit(EYE - m) + unit(V - m)
-        on = (e * (to_V - (to_V * m).sum(1, keepdims=True) * m)).sum(1, keepdims=True) > 0
-        a, b = np.where(on, m, a), np.where(on, b, m)
-    return unit(a + b)
-
-
 def images(V, R):
     return host(optics.on_ray(points(V), points(R), points(EYE[None])))
 
@@ -118,7 +107,7 @@ def travelled() -> dict[str, float]:
     turn = np.array([[[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]] for a in angles])
     path = np.einsum("fij,nj->fni", turn, V)
     all_V = path.reshape(-1, 3)
-    true = on_screen(images(all_V, alhazens(all_V)), VIEW)
+    true = on_screen(images(all_V, alhazen(EYE, all_V)), VIEW)
     cold, fine, eye = found(all_V), found(all_V, subtexel=True), points(EYE[None])
     out: dict[str, float] = {"cold": np.array(cold.iterations).mean()}
     for name, moved in (
@@ -208,7 +197,7 @@ def across_the_border(side: float) -> float:
     """|V' - V| beside the shadow's border on the plane 2 behind the centre, 1.549 from the axis; side: relative distance."""
     V = np.array([[6 / np.sqrt(15) * (1 + side), 2.0, 0.0]])
     if side > 0:
-        image = images(V, alhazens(V))
+        image = images(V, alhazen(EYE, V))
     else:
         P = EYE + BALL.hit(EYE, V - EYE)[:, None] * (V - EYE)
         image = host(optics.mirrored(points(V), points(P), mi.Normal3f(points(P))))

@@ -66,14 +66,14 @@ def reverse_constructed(shape, eye, seed, count, low_cos=0.1, high_cos=1.0):
 
 
 def alhazen(eye, V):
-    """Reflection point on the unit sphere at the origin, by bisection of e.tangent on the arc from unit(eye) to unit(V)."""
-    a, b = unit(eye), unit(V)
+    """Reflection points of V [..., 3] on the unit sphere about the origin: e.tangent bisected on arcs from the eye to V."""
+    a, b = np.broadcast_to(unit(eye), V.shape), unit(V)
     for _ in range(80):
         m = unit(a + b)
         e = -(unit(eye - m) + unit(V - m))  # gradient of the path's length
-        tangent = unit(V) - (unit(V) * m).sum() * m
-        towards_V = (e * tangent).sum() < 0
-        a, b = (m, b) if towards_V else (a, m)
+        tangent = unit(V) - (unit(V) * m).sum(axis=-1, keepdims=True) * m
+        towards_V = (e * tangent).sum(axis=-1, keepdims=True) < 0
+        a, b = np.where(towards_V, m, a), np.where(towards_V, b, m)
     return unit(a + b)
 
 
