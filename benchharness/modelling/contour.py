@@ -25,6 +25,7 @@ SHORTEST = 0.25  # of a triangle's longest edge: below this it is cut whatever r
 ORDERS = (4, 8, 16)  # parts of the edges of triangles between samples, up to 2 COARSE
 AT_ONCE = 1 << 19  # samples
 HALVINGS = 30  # of an edge, until what meets it is found
+ROUNDING = 1e-9  # of alpha: what is so little below its cutoff is there, or edges along the contour would be cut by rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +41,11 @@ class Holes:
     factor: float = 1.0
     scale: tuple[float, float] = (1.0, 1.0)
     offset: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def least(self) -> float:
+        """The least alpha of what is there."""
+        return self.cutoff - ROUNDING
 
     def coarser(self) -> Holes:
         """The same with half as many pixels each way; with their mean alone at last."""
@@ -59,7 +65,7 @@ class Holes:
 
     def value(self, where: np.ndarray, share: np.ndarray) -> np.ndarray:
         """How much alpha is above the cutoff."""
-        return (share if self.picture is None else share * self.picture.at(where)) - self.cutoff
+        return (share if self.picture is None else share * self.picture.at(where)) - self.least
 
 
 class Contour:
@@ -70,7 +76,7 @@ class Contour:
         self.holes = holes
         if holes.picture is not None:
             pixels, factors = holes.picture.pixels, (holes.factor * alphas.min(), holes.factor * alphas.max())
-            self._least, self._most = (Boxes(pixels * factor >= holes.cutoff, holes.picture.wrap) for factor in factors)
+            self._least, self._most = (Boxes(pixels * factor >= holes.least, holes.picture.wrap) for factor in factors)
 
     def value(self, columns: np.ndarray) -> np.ndarray:
         """How much alpha is above the cutoff at vertices, [..., 9 or more] -> [...]."""
@@ -87,7 +93,7 @@ class Contour:
         next, have to be split before the triangle can be cut straight across, bool [F, 3]."""
         where, share = self.holes.seen(columns)
         if self.holes.picture is None:
-            somewhere: np.ndarray = np.any(share >= self.holes.cutoff, axis=1)
+            somewhere: np.ndarray = np.any(share >= self.holes.least, axis=1)
             return somewhere, np.zeros(share.shape, bool)
         there, split = np.ones(len(where), bool), np.zeros(len(where), bool)
         side = np.linalg.norm(np.roll(where, -1, axis=1) - where, axis=2)

@@ -98,9 +98,11 @@ def agrees(made: Sheet, of: Sheet, seed: int = 0, count: int = 600) -> None:
 
 
 def whole(made: Sheet, of: Sheet) -> None:
-    """Edges of one triangle alone lie on the contour, or on the rim of a square of 1 at the origin."""
+    """Edges of one triangle alone lie on the contour, or on the rim of a square at the origin; triangles go round as before."""
     holes = of.holes
     assert holes is not None and holes.picture is not None
+    a, b, c = np.moveaxis(made.columns[:, :2][made.faces], 1, 0)
+    assert ((b - a)[:, 0] * (c - a)[:, 1] > (b - a)[:, 1] * (c - a)[:, 0]).all()
     ends = cutout_oracle.open_edges(made.columns[:, PLACE], made.faces)
     rim = ((ends[:, :, :2] == 0).all(axis=1) | (ends[:, :, :2] == 1).all(axis=1)).any(axis=1)
     uv = {tuple(row[PLACE].tolist()): row[UV] for row in made.columns + 0.0}
