@@ -10,6 +10,8 @@ from typing import Literal
 
 import numpy as np
 
+from benchharness.modelling.contour import Holes
+
 Colour = tuple[float, float, float]
 Wrap = Literal["repeat", "mirror", "clamp"]
 
@@ -41,6 +43,8 @@ class Material:
     picture      float32 [H, W, 3], linear RGB, the first row on top; None without one
     wrap         what becomes of coordinates outside of 0 and 1, along u and v
     emission     linear RGB
+    holes        what surfaces of it are cut by before they are an `Asset`; None for what has none
+    blends       whether what is behind is seen through it by degrees: holes are all of that there is
     """
 
     name: str = ""
@@ -48,6 +52,8 @@ class Material:
     picture: np.ndarray | None = None
     wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
     emission: Colour = (0.0, 0.0, 0.0)
+    holes: Holes | None = None
+    blends: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +81,7 @@ class Part:
     normals   float64 [V, 3], unit
     uv        float64 [V, 2], u to the right, v up, (0, 0) the lower left corner of the picture, its transform applied; or None
     colours   float64 [V, 3], linear RGB; or None
+    alpha     float64 [V], 0 to 1, what `Material.holes` asks for; None for 1
     nodes     what it hangs on by name, from the top: nodes of glTF; objects and groups of OBJ where these were asked for
     motion    how the animation that was asked for moves it, from where it is; None for what stands still
     """
@@ -86,6 +93,7 @@ class Part:
     material: Material
     uv: np.ndarray | None = None
     colours: np.ndarray | None = None
+    alpha: np.ndarray | None = None
     nodes: tuple[str, ...] = ()
     motion: Motion | None = None
 

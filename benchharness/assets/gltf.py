@@ -122,7 +122,7 @@ def _primitive(
         raise Refused(f"a primitive names material {material} of {len(looks) - 2}; accepted: what is there")
     set_of_uv = f"TEXCOORD_{looks[material].coordinates}"
     uvs = looks[material].placed(document.numbers(attributes[set_of_uv])) if set_of_uv in attributes else None
-    colours = _colours(document, attributes, findings)
+    colours = _colours(document, attributes, findings, holes=looks[material].material.holes is not None)
     for what, values in (("NORMAL", normals), (set_of_uv, uvs), ("COLOR_0", colours)):
         if values is not None and len(values) != len(places):
             raise Refused(f"a primitive has {len(places)} places and {len(values)} of {what}; accepted: as many")
@@ -139,17 +139,19 @@ def _primitive(
     )
 
 
-def _colours(document: Document, attributes: dict[str, int], findings: Findings) -> np.ndarray | None:
-    """Linear colours of vertices, [V, 3]; integers count as shares of their largest, whether they say so or not."""
+def _colours(document: Document, attributes: dict[str, int], findings: Findings, *, holes: bool) -> np.ndarray | None:
+    """Linear colours of vertices and their alpha, which is 1 but for what has `holes`, [V, 4]; integers count as shares of
+    their largest, whether they say so or not."""
     if "COLOR_0" not in attributes:
         return None
     colours = document.numbers(attributes["COLOR_0"])
     stored = document.one("accessors", attributes["COLOR_0"])
     if not stored.get("normalized") and stored["componentType"] != 5126:
         colours = colours / np.iinfo(document.stored(attributes["COLOR_0"]).dtype).max
-    if colours.shape[1] == 4 and (colours[:, 3] < 1.0 - 1e-3).any():
+    alpha = colours[:, 3] if colours.shape[1] == 4 else np.ones(len(colours))
+    if not holes and (alpha < 1.0 - 1e-3).any():
         findings.say("transparency of colours is ignored")
-    return np.clip(colours[:, :3], 0.0, 1.0)
+    return np.clip(np.column_stack([colours[:, :3], alpha if holes else np.ones(len(colours))]), 0.0, 1.0)
 
 
 def _morphed(

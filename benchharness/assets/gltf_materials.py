@@ -1,4 +1,4 @@
-"""Materials of glTF 2.0: the base colour, its picture and where that is, emission.
+"""Materials of glTF 2.0: the base colour, its picture and where that is, alpha, emission.
 
 What else there is, such as metal, roughness and bumps, has no place in a diffuse material; it is said where it is ignored.
 Base colours and colours of vertices are linear, pictures are sRGB. The transform of a picture's coordinates is scale, then
@@ -7,6 +7,7 @@ turn, then offset, with v down (KHR_texture_transform).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,8 +16,11 @@ import numpy as np
 from benchharness.assets import pictures
 from benchharness.assets.asset import PLAIN, WHITE, Colour, Findings, Material, Refused, Wrap
 from benchharness.assets.gltf_accessors import Document
+from benchharness.modelling.alpha import AlphaMap
+from benchharness.modelling.contour import Holes
 
 WRAPS: dict[int, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
+NEAREST = 9728  # what a sampler says of pixels that are seen larger than they are
 IGNORED = {
     "normalTexture": "normal maps, ignored",
     "KHR_materials_transmission": "materials that let light through, drawn opaque",
@@ -40,14 +44,18 @@ class Look:
         return np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=1)
 
 
+Decoded = dict[tuple[int, Callable[[bytes], np.ndarray | None]], np.ndarray | None]
+"""What pictures were decoded to, by their numbers and what did it."""
+
+
 def looks(document: Document, findings: Findings) -> list[Look]:
     """The materials of a file, and last two for what has none: plain, and white for what has colours at its vertices."""
-    decoded: dict[int, np.ndarray | None] = {}
+    decoded: Decoded = {}
     found = [_look(document, k, findings, decoded) for k in range(len(document.all("materials")))]
     return [*found, Look(Material("", PLAIN)), Look(Material("", WHITE))]
 
 
-def _look(document: Document, index: int, findings: Findings, decoded: dict[int, np.ndarray | None]) -> Look:
+def _look(document: Document, index: int, findings: Findings, decoded: Decoded) -> Look:
     said = document.one("materials", index)
     extensions = said.get("extensions", {})
     name = str(said.get("name") or f"material {index}")
@@ -60,9 +68,15 @@ def _look(document: Document, index: int, findings: Findings, decoded: dict[int,
         findings.count("materials of metal, drawn as diffuse ones of its colour")
     for key, words in IGNORED.items():
         findings.count(words, key in said or key in extensions)
-    findings.count("materials that let light through, drawn opaque", said.get("alphaMode", "OPAQUE") != "OPAQUE")
+    mode = said.get("alphaMode", "OPAQUE")
+    cutoff = float(said.get("alphaCutoff", 0.5)) if mode == "MASK" else 0.5
+    holes = Holes(cutoff, factor=float(factor[3]) if len(factor) > 3 else 1.0) if mode in ("MASK", "BLEND") else None
     material = Material(
-        name, _rgb(factor, f"base colour of {name}"), emission=_emission(document, said, name, findings, decoded)
+        name,
+        _rgb(factor, f"base colour of {name}"),
+        emission=_emission(document, said, name, findings, decoded),
+        holes=holes,
+        blends=mode == "BLEND",
     )
     if texture is None:
         return Look(material)
@@ -71,13 +85,16 @@ def _look(document: Document, index: int, findings: Findings, decoded: dict[int,
         return Look(material)
     transform = texture.get("extensions", {}).get("KHR_texture_transform", {})
     coordinates = transform.get("texCoord", texture.get("texCoord", 0))
-    wrap = _wrap(document, texture["index"])
-    return Look(replace(material, picture=picture, wrap=wrap), coordinates, _matrix(transform) if transform else None)
+    u, v, nearest = _sampler(document, texture["index"])
+    material = replace(material, picture=picture, wrap=(u, v))
+    if holes is not None:
+        alpha = _picture(document, texture["index"], f"of material {name}", findings, decoded, pictures.alpha)
+        if alpha is not None:
+            material = replace(material, holes=replace(holes, picture=AlphaMap(alpha, material.wrap, nearest)))
+    return Look(material, coordinates, _matrix(transform) if transform else None)
 
 
-def _emission(
-    document: Document, said: dict[str, Any], name: str, findings: Findings, decoded: dict[int, np.ndarray | None]
-) -> Colour:
+def _emission(document: Document, said: dict[str, Any], name: str, findings: Findings, decoded: Decoded) -> Colour:
     """Emitted light: the factor, its strength, and the mean of a picture."""
     emission = np.array(_rgb(said.get("emissiveFactor", [0, 0, 0]), f"emission of {name}"))
     emission *= said.get("extensions", {}).get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
@@ -91,9 +108,14 @@ def _emission(
 
 
 def _picture(
-    document: Document, texture: int, whose: str, findings: Findings, decoded: dict[int, np.ndarray | None]
+    document: Document,
+    texture: int,
+    whose: str,
+    findings: Findings,
+    decoded: Decoded,
+    how: Callable[[bytes], np.ndarray | None] = pictures.decoded,
 ) -> np.ndarray | None:
-    """The picture of a texture; None, and a word, where it cannot be had."""
+    """The picture of a texture, or another that is decoded from it; None, and a word, where it cannot be had."""
     said = document.one("textures", texture)
     extensions = said.get("extensions", {})
     source = said.get("source")
@@ -103,26 +125,27 @@ def _picture(
     if source is None:
         findings.say(f"the picture {whose} is none; drawn in its plain colour")
         return None
-    if source not in decoded:
-        decoded[source] = None
+    if (source, how) not in decoded:
+        decoded[source, how] = None
         try:
             image = document.one("images", source)
             data = document.view(image["bufferView"])[0] if "bufferView" in image else document.fetched(image["uri"], "it")
-            decoded[source] = pictures.decoded(data)
+            decoded[source, how] = how(data)
         except Refused as error:
             findings.say(f"the picture {whose} is missing ({str(error).partition(';')[0]}); drawn in its plain colour")
         except Exception as error:  # of Pillow's readers, or what an image lacks: the mesh is worth reading without its picture
             findings.say(f"the picture {whose} cannot be read ({error}); drawn in its plain colour")
-    return decoded[source]
+    return decoded[source, how]
 
 
-def _wrap(document: Document, texture: int) -> tuple[Wrap, Wrap]:
+def _sampler(document: Document, texture: int) -> tuple[Wrap, Wrap, bool]:
+    """How a texture goes on along u and v, and whether nothing is interpolated in it."""
     said = document.one("textures", texture)
     sampler = document.one("samplers", said["sampler"]) if "sampler" in said else {}
     u, v = (sampler.get(key, 10497) for key in ("wrapS", "wrapT"))
     if u not in WRAPS or v not in WRAPS:
         raise Refused(f"a sampler wraps by {u} and {v}; accepted: {', '.join(map(str, WRAPS))}")
-    return WRAPS[u], WRAPS[v]
+    return WRAPS[u], WRAPS[v], sampler.get("magFilter") == NEAREST
 
 
 def _matrix(said: dict[str, Any]) -> np.ndarray:

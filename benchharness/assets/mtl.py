@@ -1,7 +1,8 @@
-"""Material libraries of OBJ files (MTL): colours, the picture of the diffuse colour and its options, emission.
+"""Material libraries of OBJ files (MTL): colours, the picture of the diffuse colour and its options, alpha, emission.
 
 Kd and Ke are linear RGB, as programs of today write them; Kd multiplies the picture. A Kd of 0 beside a picture is what
-exporters leave behind that mean the picture alone: it counts as 1.
+exporters leave behind that mean the picture alone: it counts as 1. Holes are where map_d is below a half, its alpha or how
+bright it is; without map_d, where the alpha of map_Kd is.
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from benchharness.assets import files, pictures
-from benchharness.assets.asset import PLAIN, WHITE, Colour, Findings, Material, Refused
+from benchharness.assets.asset import PLAIN, WHITE, Colour, Findings, Material, Refused, Wrap
+from benchharness.modelling.alpha import AlphaMap
+from benchharness.modelling.contour import Holes
 
 # Options of a picture, and how many values each takes at least and at most.
 OPTIONS = {
@@ -35,7 +38,6 @@ OPTIONS = {
 IGNORED = {
     "d": "transparency",
     "tr": "transparency",
-    "map_d": "transparency",
     "map_bump": "bump and normal maps",
     "bump": "bump and normal maps",
     "norm": "bump and normal maps",
@@ -84,26 +86,48 @@ def _look(name: str, said: dict[str, str], path: Path, findings: Findings) -> Lo
         if not (word in ("d", "tr") and _opaque(word, said[word])):
             findings.count(f"{IGNORED[word]} of materials, ignored")
     if "map_kd" not in said:
-        return look
+        return _holed(look, said, path, findings)
     file, options = _options(said["map_kd"])
     picture = pictures.named(path.parent, file, f"picture {file} of material {name}", findings)
     if picture is None:
-        return look
+        return _holed(look, said, path, findings)
     if base is not None and not any(base):
         findings.say(f"Kd of material {name} is 0 beside a picture, and counts as 1")
         base = WHITE
-    material = replace(look.material, base_colour=base or WHITE, picture=picture)
-    return _placed(Look(material), options, findings)
+    wrap, scale, offset = _placement(options, f"picture of material {name}", findings)
+    material = replace(look.material, base_colour=base or WHITE, picture=picture, wrap=wrap)
+    return _holed(Look(material, scale, offset), said, path, findings)
 
 
-def _placed(look: Look, options: dict[str, list[str]], findings: Findings) -> Look:
-    """The look of a picture with what its options say of where it is."""
+def _holed(look: Look, said: dict[str, str], path: Path, findings: Findings) -> Look:
+    """With the holes of map_d, or of the alpha of its picture."""
+    word, read = ("map_d", pictures.coverage) if "map_d" in said else ("map_kd", pictures.alpha)
+    if word not in said or (word == "map_kd" and look.material.picture is None):
+        return look
+    file, options = _options(said[word])
+    name = look.material.name
+    found = pictures.named(path.parent, file, f"picture {file} of material {name}", findings, read, "drawn opaque")
+    if found is None:
+        return look
+    if word == "map_kd":
+        holes = Holes(0.5, AlphaMap(found, look.material.wrap))
+        return replace(look, material=replace(look.material, holes=holes, blends=True))
+    wrap, scale, offset = _placement(options, f"alpha of material {name}", findings)
+    u, v = (a / b if b else 0.0 for a, b in zip(scale, look.scale, strict=True))  # from where the other picture is
+    moved = offset[0] - u * look.offset[0], offset[1] - v * look.offset[1]
+    holes = Holes(0.5, AlphaMap(found, wrap), scale=(u, v), offset=moved)
+    return replace(look, material=replace(look.material, holes=holes, blends=True))
+
+
+def _placement(
+    options: dict[str, list[str]], what: str, findings: Findings
+) -> tuple[tuple[Wrap, Wrap], tuple[float, float], tuple[float, float]]:
+    """What the options of a picture say of where it is: how it goes on, and what takes the file's coordinates to its own."""
     ignored = sorted(set(options) & {"-mm", "-t", "-imfchan"})
     if ignored:
-        findings.say(f"options {', '.join(ignored)} of the picture of material {look.material.name} are ignored")
-    wrap = "clamp" if options.get("-clamp", ["off"])[0].lower() == "on" else "repeat"
-    scale, offset = _pair(options.get("-s"), 1.0), _pair(options.get("-o"), 0.0)
-    return Look(replace(look.material, wrap=(wrap, wrap)), scale, offset)
+        findings.say(f"options {', '.join(ignored)} of the {what} are ignored")
+    wrap: Wrap = "clamp" if options.get("-clamp", ["off"])[0].lower() == "on" else "repeat"
+    return (wrap, wrap), _pair(options.get("-s"), 1.0), _pair(options.get("-o"), 0.0)
 
 
 def _pair(values: list[str] | None, missing: float) -> tuple[float, float]:

@@ -1,7 +1,8 @@
 """PLY files: polygons and strips, normals, texture coordinates of vertices or corners, colours of vertices or faces.
 
-Colours of 8 or 16 bits are taken as sRGB, colours in floating point as linear; transparency is dropped. A picture is named in a
-comment, `TextureFile`, as MeshLab does, and v goes up. Of other elements than vertices and faces nothing is read.
+Colours of 8 or 16 bits are taken as sRGB, colours in floating point as linear; transparency of both is dropped. A picture is
+named in a comment, `TextureFile`, as MeshLab does, and v goes up; where its alpha is below a half there are holes. Of other
+elements than vertices and faces nothing is read.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ import numpy as np
 from benchharness.assets import pictures, ply_tables, polygons, surface
 from benchharness.assets.asset import PLAIN, WHITE, Colour, Findings, Material, Part, Refused
 from benchharness.assets.ply_tables import Table
+from benchharness.modelling.alpha import AlphaMap
+from benchharness.modelling.contour import Holes
 
 COORDINATES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
 COLOURS = (
@@ -157,8 +160,10 @@ def _materials(
     materials = []
     for name in named if numbers is not None else named[:1]:
         picture = pictures.named(path.parent, name, f"picture {name}", findings)
+        alpha = pictures.named(path.parent, name, f"picture {name}", findings, pictures.alpha)
+        holes = None if picture is None or alpha is None else Holes(0.5, AlphaMap(alpha))
         title = name.rpartition("/")[2].rpartition(".")[0]
-        materials.append(Material(title, plain if picture is None else WHITE, picture))
+        materials.append(Material(title, plain if picture is None else WHITE, picture, holes=holes, blends=holes is not None))
     materials.append(Material("", plain))
     none = len(materials) - 1
     if numbers is None:

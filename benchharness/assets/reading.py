@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from benchharness.assets import gltf, gltf_viewing, obj, ply, stl
+from benchharness.assets import gltf, gltf_viewing, holes, obj, ply, stl
 from benchharness.assets.asset import Asked, Asset, Findings, Part, Refused
 from benchharness.assets.gltf_viewing import Eye, Lamp
 
@@ -48,6 +48,10 @@ def read(path: Path, up: Up | None = None, asked: Asked = PLAINLY) -> Asset:
         parts = reader(path, findings, asked)
     if not parts:
         raise Refused(f"{path.name} cannot be read: no face of it has an area; accepted: a mesh with at least one triangle")
+    with _named_in_refusals(path):
+        parts = holes.cut(parts, findings)
+    if not parts:
+        raise Refused(f"{path.name} cannot be read: its alpha is below its cutoff everywhere; accepted: a mesh that is seen")
     axes = UPRIGHT if (up or usual) == "y" else np.eye(4)
     if axes is UPRIGHT:
         parts = [part.transformed(UPRIGHT) for part in parts]

@@ -19,6 +19,7 @@ import numpy as np
 
 from benchharness.assets.asset import Findings, Material, Part, Refused
 from benchharness.modelling import creases, winding
+from benchharness.modelling.rows import distinct
 
 NO_AREA = 1e-7  # of a face's longest edge, squared: what single precision makes of corners in one line
 TURNED_AWAY = 1e-6  # of the area around a vertex: less than this is neither side
@@ -44,7 +45,7 @@ class Corners:
     place, places      int [F, 3], float64 [P, 3]
     normal, normals    int [F, 3], float64 [N, 3], of any length; None without any, as the next two
     uv, uvs            int [F, 3], float64 [T, 2], v up
-    colour, colours    int [F, 3], float64 [C, 3], linear RGB
+    colour, colours    int [F, 3], float64 [C, 3], linear RGB, or [C, 4], and alpha
     material           int [F]
     group              int [F], smoothing groups, see `benchharness.modelling.creases`; None without any
     """
@@ -92,20 +93,6 @@ def parts(
     findings.count(OFF, _off(corners))
     found = [(m, _part(corners.of(corners.material == m), materials[m], name, findings)) for m in np.unique(corners.material)]
     return [part if nodes is None else replace(part, nodes=nodes[m]) for m, part in found]
-
-
-def distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The first of every kind of row, numbers in their order, and of which kind each row is."""
-    rows = rows.reshape(len(rows), -1)
-    order = np.lexsort(rows.T)
-    new = np.ones(len(rows), bool)
-    new[1:] = (rows[order[1:]] != rows[order[:-1]]).any(axis=1)
-    first = order[new]
-    rank = np.empty(len(first), np.int64)
-    rank[np.argsort(first)] = np.arange(len(first))
-    kind = np.empty(len(rows), np.int64)
-    kind[order] = rank[np.cumsum(new) - 1]
-    return np.sort(first), kind
 
 
 def _placed(corners: Corners) -> Corners:
@@ -200,14 +187,16 @@ def _part(corners: Corners, material: Material, name: str, findings: Findings) -
     assert corners.normal is not None and corners.normals is not None
     uvs, uv = _attribute(corners.uvs, corners.uv, 0.0, findings)
     colours, colour = _attribute(corners.colours, corners.colour, 1.0, findings)
-    if material.picture is not None and uvs is None:
+    has_holes = material.holes is not None and material.holes.picture is not None
+    if uvs is None and (material.picture is not None or has_holes):
         findings.count(NO_COORDINATES)
-        material = replace(material, picture=None)
+        material = replace(material, picture=None, holes=None if has_holes else material.holes)
     key = distinct(corners.place.reshape(-1))[1]
     for number in (corners.normal, uv, colour):
         if number is not None:
             key = distinct(key * np.int64(number.max() + 1) + number.reshape(-1))[1]
     first, vertex = distinct(key)
+    seen = None if colours is None or colour is None else colours[colour.reshape(-1)[first]]
     return Part(
         name=name,
         vertices=corners.places[corners.place.reshape(-1)[first]],
@@ -215,7 +204,8 @@ def _part(corners: Corners, material: Material, name: str, findings: Findings) -
         normals=corners.normals[corners.normal.reshape(-1)[first]],
         material=material,
         uv=None if uvs is None or uv is None else uvs[uv.reshape(-1)[first]],
-        colours=None if colours is None or colour is None else colours[colour.reshape(-1)[first]],
+        colours=None if seen is None else seen[:, :3],
+        alpha=None if seen is None or seen.shape[1] < 4 else seen[:, 3],
     )
 
 

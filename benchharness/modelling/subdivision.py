@@ -28,22 +28,24 @@ def split_edges(
         middle[split] = len(v) + np.arange(split.sum())
         v = np.concatenate([v, v[unique[split]].mean(axis=1)])
         attributes = np.concatenate([attributes, attributes[unique[split]].mean(axis=1)])
-        f = _split_faces(f, middle[inverse.reshape(-1, 3)], v)
+        f, _ = split_faces(f, middle[inverse.reshape(-1, 3)], v)
         if len(f) > MOST_FACES:
             raise ValueError(f"h_max is {h_max:g}: over {MOST_FACES:,} triangles; accepted: a greater length")
 
 
-def _split_faces(f: np.ndarray, middle: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Faces int64 [F, 3] with `middle` [F, 3]: the new vertex on edge (k, k+1), or -1 -> faces of the next round."""
+def split_faces(f: np.ndarray, middle: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Faces int64 [F, 3] with `middle` [F, 3]: the new vertex on edge (k, k+1), or -1 -> faces of the next round, and the
+    number of the one that each is cut from."""
     count = (middle >= 0).sum(axis=1)
-    out = [f[count == 0]]
+    whole, once, twice, thrice = (np.flatnonzero(count == k) for k in range(4))
+    out = [f[whole]]
 
     # One split edge: turn the face so that it is edge (0, 1).
-    a, m = _turned(f[count == 1], middle[count == 1], lambda m: np.argmax(m >= 0, axis=1))
+    a, m = _turned(f[once], middle[once], lambda m: np.argmax(m >= 0, axis=1))
     out += [np.stack([a[:, 0], m[:, 0], a[:, 2]], axis=1), np.stack([m[:, 0], a[:, 1], a[:, 2]], axis=1)]
 
     # Two: turn it so that edge (2, 0) is whole, then cut the remaining quad along its shorter diagonal.
-    a, m = _turned(f[count == 2], middle[count == 2], lambda m: (np.argmax(m < 0, axis=1) + 1) % 3)
+    a, m = _turned(f[twice], middle[twice], lambda m: (np.argmax(m < 0, axis=1) + 1) % 3)
     out.append(np.stack([m[:, 0], a[:, 1], m[:, 1]], axis=1))
     first = np.linalg.norm(v[a[:, 0]] - v[m[:, 1]], axis=1) <= np.linalg.norm(v[m[:, 0]] - v[a[:, 2]], axis=1)
     one, two = first[:, None], ~first[:, None]
@@ -57,10 +59,11 @@ def _split_faces(f: np.ndarray, middle: np.ndarray, v: np.ndarray) -> np.ndarray
     ]
 
     # Three: the corners and the middle.
-    a, m = f[count == 3], middle[count == 3]
+    a, m = f[thrice], middle[thrice]
     out += [np.stack([a[:, k], m[:, k], m[:, (k + 2) % 3]], axis=1) for k in range(3)]
     out.append(m)
-    return np.concatenate(out)
+    parents = [whole, once, once, twice, *[twice[first]] * 2, *[twice[~first]] * 2, *[thrice] * 4]
+    return np.concatenate(out), np.concatenate(parents)
 
 
 def _turned(f: np.ndarray, middle: np.ndarray, first: Callable) -> tuple[np.ndarray, np.ndarray]:

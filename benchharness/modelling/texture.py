@@ -62,3 +62,18 @@ class Texture:
     def digest(self) -> str:
         """Of the pixels, for content hashes."""
         return sha256(repr(self.pixels.shape).encode() + self.pixels.tobytes()).hexdigest()
+
+
+def among_pixels(uv: np.ndarray, height: int, width: int) -> np.ndarray:
+    """Where points uv [..., 2] are among the centres of a picture's pixels, column and row, float64 [..., 2]."""
+    return np.stack([uv[..., 0] * width - 0.5, (1.0 - uv[..., 1]) * height - 0.5], axis=-1)
+
+
+def wrapped(number: np.ndarray, count: int, way: Wrap) -> np.ndarray:
+    """Which of `count` columns or rows stands at a place, int, of a row that goes on on both sides."""
+    if way == "clamp":
+        return np.clip(number, 0, count - 1)
+    if way == "repeat":
+        return number % count
+    there = number % (2 * count)
+    return np.minimum(there, 2 * count - 1 - there)

@@ -31,6 +31,9 @@ SQUARE_UV = SQUARE[:, :2]
 # sRGB, as a file has them: rows from above.
 PICTURE = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [188, 188, 188]]], np.uint8)
 MIDDLE = ((188 / 255 + 0.055) / 1.055) ** 2.4  # 188, decoded
+# The same, of which the left half is there, and how much of it is.
+LEFT = np.array([[255, 0], [255, 0]], np.uint8)
+HALF_THERE = np.dstack([PICTURE, LEFT])
 RED, GREEN, BLUE, LIGHT = (1, 0, 0), (0, 1, 0), (0, 0, 1), (MIDDLE,) * 3
 
 Point = tuple[float, float, float]
@@ -67,18 +70,21 @@ class Case:
     says: tuple[str, ...] = ()
 
 
-def picture(folder: Path, name: str = "picture.png") -> str:
-    Image.fromarray(PICTURE).save(folder / name)
+def picture(folder: Path, name: str = "picture.png", pixels: np.ndarray = PICTURE) -> str:
+    Image.fromarray(pixels).save(folder / name)
     return name
 
 
 def text(name: str, said: str, encoding: str = "utf-8", **others: str) -> Callable[[Path], Path]:
-    """Writes a text, and others beside it, whose names end in what follows the last underline."""
+    """Writes a text, and others beside it, whose names end in what follows the last underline; and pictures."""
 
     def write(folder: Path) -> Path:
         for other, body in others.items():
             (folder / ".".join(other.rsplit("_", 1))).write_text(body)
         picture(folder)
+        picture(folder, "there.png", HALF_THERE)
+        picture(folder, "left.png", LEFT)
+        picture(folder, "faint.png", LEFT // 3)
         (folder / name).write_bytes(said.encode(encoding))
         return folder / name
 

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import io
+from collections.abc import Callable
+
 import numpy as np
-from support.mesh_cases import BLUE, CUBE, GREEN, LIGHT, MADE, MIDDLE, RED, TRIANGLES, Case
+from PIL import Image
+from support.gltf_files import Gltf
+from support.mesh_cases import BLUE, CUBE, GREEN, HALF_THERE, LIGHT, MADE, MIDDLE, RED, SQUARE, TRIANGLES, Case
 from support.mesh_cases_gltf import (
     DOWN,
+    SQUARE_FACES,
     WHITE,
     at,
     coloured,
@@ -21,7 +27,93 @@ from support.mesh_cases_gltf import (
     whole_cube,
 )
 
+_png = io.BytesIO()
+Image.fromarray(HALF_THERE).save(_png, "png")
+CLAMPED = {"wrapS": 33071, "wrapT": 33071}
+
+
+def seen_through(
+    mode: str, alpha: float = 1.0, cutoff: float | None = None, sampler=CLAMPED, **more
+) -> Callable[[Gltf], object]:
+    """A square, of whose picture the left half is there, by this mode; `alpha` of the base colour."""
+    said = {"alphaMode": mode, **({} if cutoff is None else {"alphaCutoff": cutoff})}
+
+    def build(g: Gltf) -> None:
+        square(g, material=said, image=_png.getvalue(), sampler=sampler, **more)
+        g.json["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = [1, 1, 1, alpha]
+
+    return build
+
+
+def faded(alphas, mode: str) -> Callable[[Gltf], object]:
+    """A square without a picture whose corners have these alphas."""
+
+    def build(g: Gltf) -> None:
+        colours = g.numbers([(1, 1, 1, alpha) for alpha in alphas])
+        part = g.primitive(SQUARE, SQUARE_FACES, COLOR_0=colours)
+        g.node(g.mesh({**part, "material": g.material(alphaMode=mode)}))
+
+    return build
+
+
+LEFT_HALF = ((0, 0, 0), (0.5, 0, 1))
+HOLED, BLENT, THROUGH = "holes where.*cutoff: 1", "shown as cut-outs.*: 1", "let light through, drawn opaque: 1"
+
+# Between the two centres, u = 1/4 and 3/4, alpha falls from 1 to 0: it is a half at 1/2, and c at 3/4 - c / 2.
+ALPHA = [
+    Case(
+        "a mask",
+        made(seen_through("MASK")),
+        area=0.5,
+        box=LEFT_HALF,
+        colours=at(((0.2, 0.2), BLUE), ((0.2, 0.8), RED), ((0.45, 0.2), BLUE)),
+        says=(MADE, HOLED),
+    ),
+    Case("a mask by another cutoff", made(seen_through("MASK", cutoff=0.25)), area=0.625, says=(MADE, HOLED)),
+    Case("a mask times a base colour", made(seen_through("MASK", 0.625)), area=0.35, says=(MADE, HOLED)),
+    # From 7/8 on alpha rises to that of the next picture's left half.
+    Case("a mask repeated", made(seen_through("MASK", cutoff=0.25, sampler=None)), area=0.75, says=(MADE, HOLED)),
+    Case(
+        "a mask mirrored",
+        made(seen_through("MASK", uv=DOWN * [2, 1], sampler={"wrapS": 33648, "wrapT": 33648})),
+        area=0.5,
+        box=((0, 0, 0), (1, 0, 1)),
+        says=(MADE, HOLED),
+    ),
+    Case("a mask moved", made(seen_through("MASK", texture=moved(offset=[0.25, 0]))), area=0.25, says=(MADE, HOLED)),
+    Case(
+        "a mask that is not interpolated",
+        made(seen_through("MASK", cutoff=0.25, sampler={**CLAMPED, "magFilter": 9728})),
+        area=0.5,
+        box=LEFT_HALF,
+        says=(MADE, HOLED),
+    ),
+    Case("a mask that is not asked for", made(seen_through("OPAQUE", 0.1)), area=1, says=(MADE,)),
+    Case("a mask that is everywhere", made(seen_through("MASK", cutoff=0)), faces=2, says=(MADE,)),
+    Case("a mask that is nowhere", made(seen_through("MASK", 0.4)), refused="below its cutoff everywhere"),
+    Case(
+        "a mask of vertices",
+        made(faded([1, 0, 0, 1], "MASK")),
+        area=0.5,
+        box=LEFT_HALF,
+        parts={"m": WHITE},
+        colours=at(((0.4, 0.5), WHITE)),
+        says=(MADE, HOLED),
+    ),
+    Case(
+        "a mask of vertices times a picture",
+        made(seen_through("MASK", COLOR_0=[(1, 1, 1, a) for a in (1, 0, 0, 1)])),
+        area=(3.5 - 4.25**0.5) / 4,  # (3/2 - 2 u) (1 - u) = 1/2
+        says=(MADE, HOLED),
+    ),
+    Case("what blends with holes", made(seen_through("BLEND", 0.9)), area=0.5, box=LEFT_HALF, says=(MADE, BLENT)),
+    Case("what blends as vertices say", made(faded([1, 0, 0, 1], "BLEND")), area=0.5, says=(MADE, BLENT)),
+    Case("what blends everywhere", made(faded([0.9] * 4, "BLEND")), area=1, says=(MADE, THROUGH)),
+    Case("what hardly is anywhere", made(faded([0.2] * 4, "BLEND")), area=1, says=(MADE, THROUGH)),
+]
+
 CASES = [
+    *ALPHA,
     Case(
         "a base colour",
         made(lambda g: g.node(g.mesh({**g.primitive(CUBE, TRIANGLES), "material": g.material((0.5, 0.5, 0.25))}))),
@@ -149,7 +241,7 @@ CASES = [
     Case("an older kind of colour", made(glossy), parts={"m": (0.25, 0.5, 1)}, says=(MADE,)),
     Case(
         "metal, glass, bumps",
-        made(shown(material={"alphaMode": "BLEND", "normalTexture": {"index": 0}})),
+        made(shown(material={"alphaMode": "BLEND", "normalTexture": {"index": 0}}, COLOR_0=[(1, 1, 1, 0.9)] * 4)),
         colours=quarters(BLUE, LIGHT, RED, GREEN),
         says=(MADE, "normal maps, ignored: 1", "let light through.*: 1"),
     ),

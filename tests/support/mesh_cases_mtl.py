@@ -10,7 +10,47 @@ first, second = "newmtl red one\nKd 0.5 0 0\nKs 1 1 1\nNs 10\n\n", "\tnewmtl blu
 library = first + second
 coloured = "".join(f"v {x} {y} 0 {c}\n" for x, y, c in ((0, 0, "0.7372549 0 0"), (1, 0, "0 1 0"), (0, 1, "0 0 1")))
 
+BLENT = "shown as cut-outs.*: 1"
+
+
+def holed(said: str, **more) -> dict:
+    """A square of a material, red where it has no picture."""
+    return {"write": text("a.obj", "mtllib m.mtl\n" + square, m_mtl=f"newmtl m\nKd 1 0 0\n{said}\n"), **more}
+
+
+LEFT_HALF = ((0, 0, 0), (0.5, 1, 0))
+ALPHA = [
+    Case("holes", **holed("d 1\nmap_d left.png", parts={"m": RED}, area=0.5, box=LEFT_HALF, says=(MADE, BLENT))),
+    Case("holes by an alpha", **holed("map_d there.png", area=0.5, box=LEFT_HALF, says=(MADE, BLENT))),
+    Case(
+        "holes of a picture with alpha",
+        **holed(
+            "map_Kd there.png",
+            area=0.5,
+            box=LEFT_HALF,
+            colours={(0.25, 0.25, 0): (0, 0, 0), (0.25, 0.75, 0): RED},
+            says=(MADE, BLENT),
+        ),
+    ),
+    Case(
+        "holes elsewhere than the picture",
+        **holed(
+            "map_Kd -s 2 1 -o 0.5 0 there.png\nmap_d -clamp on -o 0.25 0 left.png",
+            area=0.25,
+            box=((0, 0, 0), (0.25, 1, 0)),
+            says=(MADE, BLENT),
+        ),
+    ),
+    Case("holes in a scaled picture", **holed("map_Kd -s 4 1 there.png", area=0.5, says=(MADE, BLENT))),
+    Case(
+        "holes that are nowhere",
+        **holed("map_d gone.png", area=1, says=(MADE, "gone.png of material m is missing; drawn opaque")),
+    ),
+    Case("holes that are everywhere", **holed("map_d faint.png", area=1, says=(MADE, "let light through, drawn opaque: 1"))),
+]
+
 CASES = [
+    *ALPHA,
     Case(
         "two materials",
         text("a.obj", "mtllib a.mtl\n" + two, a_mtl=library),

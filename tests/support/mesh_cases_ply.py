@@ -16,6 +16,7 @@ from support.mesh_cases import (
     CUBE,
     GREEN,
     GREY,
+    HALF_THERE,
     LIGHT,
     MADE,
     MIDDLE,
@@ -48,6 +49,7 @@ def ply(order: str, elements: dict[str, tuple[Sequence[str], Sequence[Sequence]]
 
     def write(folder: Path) -> Path:
         picture(folder)
+        picture(folder, "there.png", HALF_THERE)
         (folder / "a.ply").write_bytes(data if cut is None else data[:cut])
         return folder / "a.ply"
 
@@ -245,6 +247,14 @@ PLY = [
         ),
         colours=PICTURED,
         says=(MADE,),
+    ),
+    Case(
+        "holes of a picture with alpha",
+        ply("<", mesh(SQUARE, flat_square, ["float u", "float v"], uv_rows), "comment TextureFile there.png\n"),
+        area=0.5,
+        box=((0, 0, 0), (0.5, 1, 0)),
+        colours={(0.25, 0.25, 0): BLUE, (0.25, 0.75, 0): RED},
+        says=(MADE, "shown as cut-outs.*: 1"),
     ),
     Case(
         "two pictures",
