@@ -91,7 +91,19 @@ def _look(document: Document, index: int, findings: Findings, decoded: Decoded) 
         alpha = _picture(document, texture["index"], f"of material {name}", findings, decoded, pictures.alpha)
         if alpha is not None:
             material = replace(material, holes=replace(holes, picture=AlphaMap(alpha, material.wrap, nearest)))
+    if "emissiveTexture" in said:
+        material = _outshone(material, picture, findings)
     return Look(material, coordinates, _matrix(transform) if transform else None)
+
+
+def _outshone(material: Material, picture: np.ndarray, findings: Findings) -> Material:
+    """A material without what a picture says that it emits, where that is darker in the mean than the `picture` of its colour:
+    most of what has small lamps on it. It would shine all over, and nothing that shines has a picture."""
+    colour = np.array(material.base_colour) * picture.mean(axis=(0, 1), dtype=np.float64)
+    if not any(material.emission) or sum(material.emission) > colour.sum():
+        return material
+    findings.say(f"that is left out of material {material.name}, as the picture of its colour is brighter")
+    return replace(material, emission=(0.0, 0.0, 0.0))
 
 
 def _emission(document: Document, said: dict[str, Any], name: str, findings: Findings, decoded: Decoded) -> Colour:

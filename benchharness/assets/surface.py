@@ -2,8 +2,8 @@
 
 A file numbers places, normals, texture coordinates and colours each for itself (OBJ), or all alike (glTF, PLY), or not at all
 (STL). So a corner of a triangle is four numbers here, -1 for what it lacks. What is equal counts as one, however often a file
-has it: normals are made over places, not over a seam of a texture or a material, and two corners are one vertex if all that
-they have is the same.
+has it, and so do places but for rounding: normals are made over places, not over a seam of a texture or a material, and two
+corners are one vertex if all that they have is the same.
 
 The winding of the faces is taken as the file has it, and normals that point away from all faces around them are turned. Which
 side of a surface is its front is asked of the whole scene, later.
@@ -16,12 +16,17 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 
 from benchharness.assets.asset import Findings, Material, Part, Refused
 from benchharness.modelling import creases, winding
 from benchharness.modelling.rows import distinct
 
 NO_AREA = 1e-7  # of a face's longest edge, squared: what single precision makes of corners in one line
+ROUNDED = 2.5e-7  # of a file's size and its way from the origin: places nearer to each other are one, found twice in float32
+AT_MOST = 2e-6  # of its size
 TURNED_AWAY = 1e-6  # of the area around a vertex: less than this is neither side
 OFF_DEG = 30.0  # between a corner's normal and its face: seen from the side, more of it shows what is behind
 
@@ -32,7 +37,7 @@ LACKING = "vertices without a normal in a file that has some, made from the face
 AWAY = "vertices whose normal in the file points away from the faces around, turned"
 AGAINST = "faces wound against their neighbours, turned"
 OFF = f"corners whose normal is more than {OFF_DEG:g} degrees off their face, which may be black at grazing angles"
-BY_ANGLE = f"normals are made, with creases where faces turn by more than {creases.CREASE_DEG:g} degrees, as the file has none"
+BY_ANGLE = f"normals are made, with creases where faces turn by {creases.CREASE_DEG:g} degrees or more, as the file has none"
 BY_GROUP = "normals are made from the smoothing groups, as the file has none"
 NO_COORDINATES = "parts with a picture and no coordinates for it, drawn in their plain colour"
 NO_NUMBERS = "corners whose coordinates of a picture or colours are no numbers, left out"
@@ -96,7 +101,7 @@ def parts(
 
 
 def _placed(corners: Corners) -> Corners:
-    """With one number for all that is at exactly one place, and none that no face has. Raises Refused, see `parts`."""
+    """With one number for all that is at one place but for rounding, and none that no face has. Raises Refused, see `parts`."""
     used, place = np.unique(corners.place, return_inverse=True)
     places = corners.places[used]
     finite = np.isfinite(places).all(axis=1)
@@ -104,7 +109,21 @@ def _placed(corners: Corners) -> Corners:
         bad = int(used[~finite][0])
         raise Refused(f"vertex {bad}, counted from 0, is {corners.places[bad]}; accepted: finite coordinates")
     first, kind = distinct(places)
-    return replace(corners, place=kind[place.reshape(-1, 3)], places=places[first])
+    places = places[first]
+    alike = _alike(places)
+    first, kind = np.unique(alike[kind], return_inverse=True)
+    return replace(corners, place=kind.reshape(-1)[place.reshape(-1, 3)], places=places[first])
+
+
+def _alike(places: np.ndarray) -> np.ndarray:
+    """The first of all places [P, 3] that each is at but for rounding, int [P]: programs that find the two sides of a seam each
+    by itself do not find the same."""
+    size = float(np.ptp(places, axis=0).max())
+    apart = min(ROUNDED * (size + float(np.abs(places).max())), AT_MOST * size)
+    near = KDTree(places).query_pairs(apart, output_type="ndarray")
+    joined = coo_array((np.ones(len(near)), near.T), shape=(len(places),) * 2)
+    _, label = connected_components(joined, directed=False)
+    return np.unique(label, return_index=True)[1][label]
 
 
 def _real(corners: Corners, findings: Findings) -> Corners:

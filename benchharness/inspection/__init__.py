@@ -38,7 +38,9 @@ def examined(asked: Path, out: Path, size: tuple[int, int], console: Console) ->
             entries = methods.installed(apart, status.update)
         if asked.suffix.lower() in reading.SUFFIXES:
             platform.use_variant(VARIANT)
-            scenes = trial.scenes(asked)
+            asset = trial.read(asked)
+            yield from (Note(text) for text in trial.described(asset))
+            scenes = trial.scenes(asset)
         else:
             study = configs.load(shipped.config(asked), tell=status.update)
             platform.use_variant(VARIANT)

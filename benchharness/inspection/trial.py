@@ -2,31 +2,66 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import trimesh
 
+from benchharness.assets.asset import Asset, Material
 from benchharness.scene import Camera, Environment, Mesh, Object, Reflector, Scene
 from benchharness.study import placed
 
 HALF = 1.0  # of the longest side of the file's box, as it is shown
 BANDS = 24  # of the surroundings, around
+MOST_NAMED = 12  # materials, or nodes
 
 
-def scenes(path: Path) -> Iterator[tuple[Scene, list[str]]]:
-    """Both, and what reading the file had to mend. Raises ValueError for a file that cannot be read."""
+def read(path: Path) -> Asset:
+    """A mesh file. Raises ValueError for one that cannot be read."""
+    return placed.read(path, "inspect", placed.ObjectTable(name=path.stem, mesh=str(path)))
+
+
+def described(asset: Asset) -> Iterator[str]:
+    """Sentences about a file itself: how much is in it, how large it is, and what a scene may call its parts."""
+    count = sum(len(part.faces) for part in asset.parts)
+    size = " x ".join(f"{length:.4g}" for length in np.ptp(asset.box, axis=0))
+    meant = "turned from y up to z up"
+    if np.array_equal(asset.axes, np.eye(4)):
+        meant = "taken for metres with z up, unless `unit` and `up` of a scene say otherwise"
+    yield f"file {asset.path.name}: {count:,} triangles, {size} m large, {meant}; drawn {2 * HALF:g} m long below"
+    materials = {part.material.name: part.material for part in asset.parts if part.material.name}
+    nodes = dict.fromkeys(part.nodes[-1] for part in asset.parts if part.nodes)
+    if materials:
+        yield f"materials: {_listed(f'{name!r} {_look(look)}' for name, look in materials.items())}"
+    if len(nodes) > 1:
+        yield f"nodes: {_listed(map(repr, nodes))}"
+
+
+def _look(material: Material) -> str:
+    said = " ".join(f"{x:.3g}" for x in material.base_colour)
+    if material.picture is not None:
+        height, width = material.picture.shape[:2]
+        said = f"picture of {width} x {height}"
+    shines = any(material.emission)
+    return f"({said}{', shines' if shines else ''})"
+
+
+def _listed(names: Iterable[str]) -> str:
+    names = list(names)
+    more = [f"and {len(names) - MOST_NAMED} more"] if len(names) > MOST_NAMED else []
+    return ", ".join([*names[:MOST_NAMED], *more])
+
+
+def scenes(asset: Asset) -> Iterator[tuple[Scene, list[str]]]:
+    """Both, and what reading the file had to mend."""
+    path = asset.path
     entry = placed.ObjectTable(name=path.stem, mesh=str(path))
-    asset = placed.read(path, "inspect", entry)
     parts, said = placed.objects(asset, entry, np.eye(4))
     notes = placed.notes("file", path.stem, asset, np.eye(4), said)
-    everything = np.concatenate([part.mesh.vertices for part in parts])
-    low, high = everything.min(axis=0), everything.max(axis=0)
+    low, high = asset.box
     length = float((high - low).max())
-    if not length > 0:
-        raise ValueError(f"{path}: all of it is at one point; accepted: triangles with area")
 
     def standing(mesh: Mesh) -> Mesh:
         """On the ground, its box's longest side 2 HALF, over the origin."""

@@ -15,6 +15,7 @@ from scipy.sparse.csgraph import connected_components
 from benchharness.modelling import winding
 
 CREASE_DEG = 60.0  # an icosahedron (42 degrees) is a coarse ball, a hexagonal prism and a box have edges
+TIE_DEG = 0.1  # what turns by this much less is a crease, too: rounding may not decide about a hexagonal prism
 BY_ANGLE = -1  # in place of a smoothing group
 FLAT = 0  # the smoothing group of faces that are smooth with none
 
@@ -45,7 +46,7 @@ def smoothed(
     edges = winding.half_edges(winding.welded(vertices, faces))
     f, k, a, b = edges.face, edges.corner, edges.a, edges.b
     one, other = edges.pairs()
-    smooth = np.einsum("ei,ei->e", unit[f[one]], unit[f[other]]) > np.cos(np.radians(crease_deg))
+    smooth = np.einsum("ei,ei->e", unit[f[one]], unit[f[other]]) > np.cos(np.radians(crease_deg - TIE_DEG))
     if groups is not None:
         group = groups[f[one]]
         smooth = (group == groups[f[other]]) & (group != FLAT) & (smooth | (group != BY_ANGLE))

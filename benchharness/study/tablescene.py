@@ -12,7 +12,7 @@
 Paths are relative to the config. OBJ, PLY, STL, GLB and glTF are read by `benchharness.assets`: all parts and materials, right
 or refused; what was mended or left out is said. The scene is right-handed, z up, in metres: `up`, `unit`, `scale`,
 `rotate_deg`, `translate` and `fit` bring files there (`benchharness.study.placed`). A file's own normals are kept; one without
-has the creases of its smoothing groups, or where its faces turn by more than 60 degrees. A file of several materials is an
+has the creases of its smoothing groups, or where its faces turn by 60 degrees or more. A file of several materials is an
 object for each, `name/material`, in the colours and with the pictures that the file has; `albedo` and `emission` replace these,
 and an albedo makes it one object. Light does not hang on how finely they are cut (`benchharness.render.bake`). Edges of objects
 longer than `h_max` metres are split before anything else, if that is said: images of straight edges are curves, which some

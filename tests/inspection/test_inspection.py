@@ -10,10 +10,12 @@ import pytest
 import trimesh
 from PIL import Image
 from rich.console import Console
+from support.gltf_files import Gltf
+from support.mesh_cases import CUBE, TRIANGLES
 from typer.testing import CliRunner
 
 from benchharness import cli, inspection
-from benchharness.inspection import mirrors, report
+from benchharness.inspection import mirrors, report, trial
 from benchharness.scene import Camera, Mesh, Object, Reflector, Scene
 
 SIZE = (96, 64)
@@ -108,9 +110,22 @@ def test_a_file_is_shown_and_mirrored_and_every_method_is_asked(cube, tmp_path):
     assert done.exit_code == 0, done.output
     assert "scene cube seen" in done.stdout and "scene cube as a mirror" in done.stdout
     assert "12 triangles" in done.stdout and "closed, fronts outwards" in done.stdout
-    assert "1000 x 1000 x 1000 m large" in done.stdout
+    assert done.stdout.startswith("  file cube.obj: 12 triangles, 1000 x 1000 x 1000 m large, taken for metres with z up")
+    assert "it is 1000 x 1000 x 1000 m large: `unit`, `scale` or `fit` change that" in done.stdout
     assert "ray_traced" in done.stdout.partition("methods that take it")[2]
     assert len(list(out.glob("*.png"))) == 2
+
+
+def test_a_file_says_how_large_it_is_and_what_its_parts_are_called(tmp_path):
+    document = Gltf()
+    look = document.material((1, 0.5, 0.25), name="wood", emissiveFactor=[1, 0, 0])
+    for name, x in (("left", 0), ("right", 5)):
+        mesh = document.mesh({**document.primitive(CUBE, TRIANGLES), "material": look})
+        document.node(mesh, name=name, translation=[x, 0, 0], scale=[1, 2, 1])
+    said = list(trial.described(trial.read(document.write(tmp_path))))
+    # Cubes 2 wide and twice as high, 5 apart.
+    assert said[0].startswith("file a.glb: 24 triangles, 7 x 2 x 4 m large, turned from y up to z up")
+    assert said[1:] == ["materials: 'wood' (1 0.5 0.25, shines)", "nodes: 'left', 'right'"]
 
 
 def test_what_cannot_be_run_is_said_with_exit_code_two(tmp_path):

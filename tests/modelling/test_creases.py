@@ -50,6 +50,15 @@ def test_the_angle_decides():
     assert [len(creased(vertices, faces, angle)[0]) for angle in (60.0, 45.0)] == [6, 8]
 
 
+def test_a_hexagonal_prism_has_a_crease_along_every_edge_however_it_is_turned_and_rounded():
+    # Its sides turn by 60 degrees, up to rounding. Each of 6 sides has 4 vertices, each end 6 and the one in its middle.
+    prism = trimesh.creation.cylinder(radius=1.0, height=1.0, sections=6)
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        turned = prism.vertices @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        assert len(creased(turned.astype(np.float32).astype(float), prism.faces)[0]) == 38
+
+
 def test_smoothing_groups_decide_in_place_of_the_angle():
     group = np.arange(len(CUBE.faces)) // 6  # half of the triangles each
     whole = smoothed(CUBE.vertices, CUBE.faces, groups=np.ones(12, int))

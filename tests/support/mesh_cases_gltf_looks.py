@@ -238,6 +238,19 @@ CASES = [
         says=(MADE,),
     ),
     Case("what shines strongly", made(shining), emits={"m": (8, 4, 0)}, says=(MADE,)),
+    Case(
+        "small lamps beside a picture",
+        made(shown(material={"emissiveFactor": [0.5, 0.5, 0.5], "emissiveTexture": {"index": 0}})),
+        colours=quarters(BLUE, LIGHT, RED, GREEN),
+        emits={"m": (0, 0, 0)},
+        says=(MADE, "what material m emits is the mean of its picture", "that is left out of material m"),
+    ),
+    Case(
+        "a bright picture that shines beside one of colours",
+        made(shown(colour=(0.25,) * 3, material={"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 0}})),
+        emits={"m": ((1 + MIDDLE) / 4,) * 3},
+        says=(MADE, "what material m emits is the mean of its picture"),
+    ),
     Case("an older kind of colour", made(glossy), parts={"m": (0.25, 0.5, 1)}, says=(MADE,)),
     Case(
         "metal, glass, bumps",
