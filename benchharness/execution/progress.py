@@ -40,7 +40,7 @@ class Bars:
     def making(self, share: Share) -> None:
         going = self._pace.hear(share)
         if self._made is None:
-            self._made = self._progress.add_task("")
+            self._made = self._progress.add_task("", total=share.total)
         self._progress.update(self._made, description=escape(f"  {going.text}"), completed=share.done, total=share.total)
         if going.advice and going.advice not in self._advised:
             self._advised.add(going.advice)

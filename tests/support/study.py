@@ -90,7 +90,7 @@ def machine() -> str:
         raise BlockingIOError
 
     try:
-        with platform.locked(platform.machine_lock(), busy):
+        with platform.locked(platform.see_machine_lock(), busy):
             return "free"
     except BlockingIOError:
         return "held"
