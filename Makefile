@@ -1,13 +1,13 @@
 # `make bench`: install and run the main job.  `make check`: style and types.  `make speed`: what kernels cost beside rivals.
-# `make test`: every kernel, method, scene and command, in minutes.  `make test-rest`: what that only samples.  `make test-all`: both,
-# and all pairs of methods and regimes.
+# `make test`: every kernel, method, scene and command, in minutes.  `make test-rest`: what that only samples.  `make test-both`:
+# the two in one run, which makes once what they have in common.  `make test-all`: both, and all pairs of methods and regimes.
 # `make test-claims`: what docs claim of a machine.
 PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin/python -m
-PYTEST := $(RUN) pytest -q -n auto --dist loadfile
+PYTEST := $(RUN) pytest -q -n auto --dist loadfile --no-loadscope-reorder
 
-.PHONY: bench test test-rest test-all test-claims check speed clean
+.PHONY: bench test test-rest test-both test-all test-claims check speed clean
 
 bench: $(VENV)/ready
 	$(RUN) benchharness run configs/kitchen-quick.toml
@@ -17,6 +17,9 @@ test: $(VENV)/ready-dev
 
 test-rest: $(VENV)/ready-dev
 	$(PYTEST) -m "exhaustive and not complete and not claims"
+
+test-both: $(VENV)/ready-dev
+	$(PYTEST) -m "not complete and not claims"
 
 test-all: $(VENV)/ready-dev
 	$(PYTEST) -m "not claims"

@@ -7,19 +7,45 @@ from __future__ import annotations
 
 import os
 import sys
+from pathlib import Path
 
 import pytest
 
 from benchharness import platform
 
+LONG = (
+    "methods/test_guarantees.py",
+    "methods/test_fuzz.py",
+    "kernels/vertices/test_roots.py",
+    "execution/test_planted.py",
+    "execution/test_check.py",
+    "test_wheel.py",
+    "test_own_files_docs.py",
+    "needs/test_lean_scenes.py",
+    "tables/test_damaged_tables.py",
+)
+"""What takes longest comes first: no worker is left with it when the others have done."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    places = {Path(__file__).parent / name: k for k, name in enumerate(LONG)}
+    items.sort(key=lambda item: places.get(item.path, len(LONG)))
+
 
 @pytest.fixture(scope="session", autouse=True)
 def variant() -> str | None:
-    """Sets the variant if a collected test module has imported Mitsuba; NumPy-only tests stay quick."""
+    """Sets the variant if a collected test module has imported Mitsuba; NumPy-only tests stay quick.
+
+    Processes that test side by side share the cores: Dr.Jit's threads of one would wait for those of another.
+    """
     if "mitsuba" not in sys.modules:
         return None
     chosen = os.environ.get("BENCHHARNESS_TEST_VARIANT", "llvm_ad_rgb")
     platform.use_variant(chosen)
+    if (beside := int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))) > 1:
+        import drjit as dr
+
+        dr.set_thread_count(max(1, (os.cpu_count() or 1) // beside))
     return chosen
 
 

@@ -14,6 +14,7 @@ import mitsuba as mi  # noqa: F401  (so that the variant is set)
 import pytest
 from support import mortal_bench, study
 from support.ear import Ear
+from support.tiers import complete, exhaustive
 
 from benchharness import report
 from benchharness.execution import runner
@@ -57,15 +58,12 @@ def undisturbed(tmp_path_factory):
     return mortal_bench.told(folder / "out")
 
 
-@pytest.mark.exhaustive
+@exhaustive
 @pytest.mark.parametrize(
     "moments",
     [
-        ["method 0"],
-        pytest.param(
-            ["prepare", "ready", "before 0", "method 2", "pictures 2", "after 2", "method 4", "after 4"],
-            marks=pytest.mark.exhaustive,
-        ),
+        ["prepare", "ready", "before 0", "method 2", "pictures 2", "after 2"],  # one of each kind
+        pytest.param(["method 0", "after 0", "method 4", "pictures 4", "after 4"], marks=complete),
     ],
 )
 def test_a_worker_that_is_killed_at_any_moment_costs_nothing(tmp_path, undisturbed, moments):
@@ -79,7 +77,7 @@ def test_a_worker_that_is_killed_at_any_moment_costs_nothing(tmp_path, undisturb
     assert mortal_bench.told(tmp_path / "out") == undisturbed
 
 
-@pytest.mark.exhaustive
+@exhaustive
 def test_a_frame_of_which_workers_die_outside_any_method_is_done_in_halves_and_tried_again_later(tmp_path, undisturbed):
     path = study.write(tmp_path, BEHAVIOURS)
     (tmp_path / "poison").touch()
@@ -96,7 +94,7 @@ def test_a_frame_of_which_workers_die_outside_any_method_is_done_in_halves_and_t
     assert mortal_bench.told(tmp_path / "out") == undisturbed
 
 
-@pytest.mark.exhaustive
+@exhaustive
 def test_a_disk_that_was_full_is_held_against_no_method(tmp_path, undisturbed):
     path = study.write(tmp_path, BEHAVIOURS)
     (tmp_path / "full").touch()
@@ -110,7 +108,7 @@ def test_a_disk_that_was_full_is_held_against_no_method(tmp_path, undisturbed):
     assert mortal_bench.told(tmp_path / "out") == undisturbed
 
 
-@pytest.mark.exhaustive
+@exhaustive
 def test_a_run_whose_journal_could_not_be_written_is_taken_up(tmp_path, undisturbed, monkeypatch):
     path = study.write(tmp_path, BEHAVIOURS)
     append, left = runner.Journal.append, [1, 0]
@@ -195,7 +193,7 @@ def killed_at(folder: Path, whom: str, name: str, delay_s: float, undisturbed) -
     return str(ended)
 
 
-@pytest.mark.exhaustive
+@exhaustive
 def test_a_run_whose_worker_is_killed_goes_on_and_has_the_rows_of_an_undisturbed_one(tmp_path, undisturbed):
     killed_at(tmp_path, "worker", "SIGINT", 1.9, undisturbed)
 
@@ -230,7 +228,7 @@ def test_who_interrupts_what_has_ended_changes_nothing(number):
     assert (done.returncode, done.stdout.startswith("benchharness"), done.stderr) == (0, True, "")
 
 
-@pytest.mark.exhaustive
+@exhaustive
 def test_sigterm_ends_as_ctrl_c_does(tmp_path):
     path = study.write(tmp_path, '["a", "sleeps 2"]')
     with start(path, tmp_path / "out", stderr=subprocess.PIPE) as process:

@@ -24,21 +24,23 @@ SIZE = (720, 512)
 TOUCHED = touch()[1]
 
 
-def lit(only: str) -> Scene:
-    """The kettle's scene, in which everything is black but the object `only`: no path needs tracing."""
+@cache
+def lit(only: str) -> tuple[Scene, FrameRenderer]:
+    """The kettle's scene, in which everything is black but the object `only`: no path needs tracing; and what draws it."""
     made = kettle("lean")
     objects = []
     for o in made.objects:
         light = np.full(np.shape(o.mesh.vertices), 1.0 if o.name == only else 0.0)
         objects.append(replace(o, mesh=replace(o.mesh, radiance=light), gloss=None))
     mirrors = [replace(r, mesh=replace(r.mesh, radiance=np.zeros(3))) for r in made.reflectors]
-    return refined(replace(made, objects=tuple(objects), reflectors=tuple(mirrors)))
+    made = refined(replace(made, objects=tuple(objects), reflectors=tuple(mirrors)))
+    return made, FrameRenderer(made, *SIZE)
 
 
 @cache
 def answer(method: type, only: str, index: int) -> Answer:
-    made = lit(only)
-    return shaded(method(), made, index, renderer=FrameRenderer(made, *SIZE))[0]
+    made, renderer = lit(only)
+    return shaded(method(), made, index, renderer=renderer)[0]
 
 
 def gap_px(seen: Answer) -> float:

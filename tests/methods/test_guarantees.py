@@ -14,16 +14,19 @@ scene: its picture keeps within a pixel, but for few. What has no walls has no a
 
 The first tier draws pairs: every regime, mildest and severest, with one method, and the methods take turns. Of those pairs,
 G3 has all whose method reports vertices, and "again", "renumbered" and "turned" have as many in a row as there are methods.
+The rest has a fourth of all pairs, and of those that are only repeated, "again" and "renumbered", an eighth.
 """
 
 from __future__ import annotations
+
+from itertools import product
 
 import numpy as np
 import pytest
 from scipy.ndimage import maximum_filter, minimum_filter
 from support.known_reflections import SEARCHING, VERTEXWISE
 from support.stress_rooms import METHODS, REGIMES, Law, Shown, any_motion, extremes, kept, laws, prepared, shown
-from support.tiers import exhaustive, in_turns, paired
+from support.tiers import complete, exhaustive, in_turns, paired, up_to_the_rest
 
 from benchharness.kernels.images import roombox
 from benchharness.kernels.vertices.mirrormesh import is_convex
@@ -49,6 +52,7 @@ UNTURNED = {
     ("probe_blend", "next_room"): "two rooms have no box of their own, and maps stand elsewhere in one that is turned",
 }
 CONVERGE = 0.8  # share of regimes whose mildest scene has vertices that converge
+REPEATED = 8  # every so many-th pair asked twice and renumbered: what breaks these is in a method, hardly in a regime
 
 methods = pytest.mark.parametrize("method", METHODS)
 
@@ -56,9 +60,9 @@ methods = pytest.mark.parametrize("method", METHODS)
 DRAWN = in_turns(REGIMES, list(METHODS))
 
 
-def pairs(of, drawn):
-    """Every regime with every method of some; those drawn are in the first tier."""
-    return pytest.mark.parametrize(("regime", "method"), paired(REGIMES, of, drawn))
+def pairs(of, drawn, step: int = 4):
+    """Every regime with every method of some; those drawn are in the first tier, and every so many-th in the rest."""
+    return pytest.mark.parametrize(("regime", "method"), paired(REGIMES, of, drawn, step))
 
 
 def both(method: str, regime: str) -> list[tuple[float, Shown]]:
@@ -113,27 +117,33 @@ def test_what_is_called_converged_obeys_the_law_of_reflection(regime, method):
         pytest.skip("nothing converged")
 
 
+IN_THE_REST = up_to_the_rest(paired(REGIMES, VERTEXWISE, DRAWN))
+
+
 @exhaustive
+@pytest.mark.parametrize(
+    "among", [IN_THE_REST, pytest.param([*product(REGIMES, SEARCHING)], marks=complete)], ids=["some", "all"]
+)
 @pytest.mark.parametrize("method", SEARCHING)
-def test_in_most_regimes_a_method_converges_somewhere(method):
-    """So that there is something for G3 to judge, method by method."""
+def test_in_most_regimes_a_method_converges_somewhere(method, among):
+    """So that there is something for G3 to judge, method by method, of what it judges in the same tier."""
     shares = []
-    for regime in REGIMES:
+    for regime in (regime for regime, other in among if other == method):
         answer = kept(method, regime, extremes(regime)[0])
         if answer is not None:
             assert answer.vertices is not None
             shares.append(answer.vertices["converged"].any())
-    assert np.mean(shares) > CONVERGE
+    assert len(shares) >= 8 and np.mean(shares) > CONVERGE
 
 
-@pairs(METHODS, DRAWN[: len(METHODS)])
+@pairs(METHODS, DRAWN[: len(METHODS)], REPEATED)
 def test_asked_twice_everything_is_the_same_bit_for_bit(method, regime):
     severity, answer = both(method, regime)[-1]
     again = shown(method, regime, severity)
     assert again is not None and again.bytes() == answer.bytes()
 
 
-@pairs(METHODS, DRAWN[len(METHODS) : 2 * len(METHODS)])
+@pairs(METHODS, DRAWN[len(METHODS) : 2 * len(METHODS)], REPEATED)
 def test_numbered_otherwise_everything_is_the_same_but_for_rounding(method, regime):
     severity, answer = both(method, regime)[-1]
     other = shown(method, regime, severity, "renumbered")

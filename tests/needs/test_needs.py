@@ -9,9 +9,11 @@ from support.study import machine
 from typer.testing import CliRunner
 
 from benchharness import cli
-from benchharness.needs import measuring
+from benchharness.api import Knob
+from benchharness.needs import cases, measuring
 from benchharness.needs import study as needs
 from benchharness.report import needs as page
+from benchharness.study import plugins
 from benchharness.tables import files
 from benchharness.tables.needs import KNEE_KINDS, NEEDS, NEEDS_OBJECTS, NEEDS_SAMPLES, OBJECT_KINDS, SAMPLE_KINDS
 
@@ -92,6 +94,12 @@ def asked(*words: str):
     return CliRunner().invoke(cli.app, ["needs", "--config", "study.toml", "--out", "out", *words])
 
 
+def few_models(monkeypatch, *knobs: Knob) -> None:
+    """Newton's method with these knobs, and fewer lengths of edges: each model is recorded and compiled for itself."""
+    monkeypatch.setattr(plugins.discover("method")["newton"].target, "knobs", knobs)
+    monkeypatch.setattr(cases, "SHARES", (10, 80))
+
+
 def test_a_users_method_and_scene_get_their_knee_and_their_sentence(folder):
     knob(folder, values="(1.0, 0.7, 0.5, 0.505, 0.5)")
     result = asked()
@@ -108,7 +116,10 @@ def test_a_users_method_and_scene_get_their_knee_and_their_sentence(folder):
     assert len(list((folder / "out").glob("grey*level*.png"))) == 1
 
 
-def test_vertex_methods_search_more_the_smaller_the_error_asked_for_and_split_edges_are_a_knob_of_the_scene(folder):
+def test_vertex_methods_search_more_the_smaller_the_error_asked_for_and_split_edges_are_a_knob_of_the_scene(
+    folder, monkeypatch
+):
+    few_models(monkeypatch, Knob("split_px", (16.0, 1.0, 0.25)))
     (folder / "study.toml").write_text(CONFIG.replace('[methods.grey]\nsource = "grey.py"', "[methods.newton]"))
     result = asked()
     assert result.exit_code == 0, result.output
@@ -129,7 +140,8 @@ OBJECTS = """
 """
 
 
-def test_objects_that_mirrors_show_judge_and_those_that_none_shows_are_needed_for_nothing(folder):
+def test_objects_that_mirrors_show_judge_and_those_that_none_shows_are_needed_for_nothing(folder, monkeypatch):
+    few_models(monkeypatch)
     (folder / "room.py").write_text(SCENE[: SCENE.index("    return Scene")] + OBJECTS)
     knob(folder)
     (folder / "study.toml").write_text(CONFIG + "\n[methods.newton]\n")

@@ -20,20 +20,25 @@ AGREED = 1e-7  # half vector less normal, along the triangle
 ASKED = 40  # of the points that are far from every near root; each costs a pass over all triangles
 
 
-def _surface(mirror: Reflector, eye: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Corners and normals [F, 3, 3]; of an open sheet, those of the side that the eye sees."""
-    mesh = mirror.mesh
-    p, n = mesh.vertices[mesh.faces], mesh.normals[mesh.faces]
-    if mirror.closed is None:
-        away = (np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) * (eye - p[:, 0])).sum(axis=1) < 0
-        n = np.where(away[:, None, None], -n, n)
-    return p, n
+class Surface:
+    """A mirror as an eye sees it: corners and normals [F, 3, 3], of an open sheet those of the side that the eye sees; and
+    spots of each triangle, to find it by."""
+
+    def __init__(self, mirror: Reflector, eye: np.ndarray) -> None:
+        self.mesh, self.both_sides = mirror.mesh, mirror.closed is None
+        p, n = self.mesh.vertices[self.mesh.faces], self.mesh.normals[self.mesh.faces]
+        if self.both_sides:
+            away = (np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) * (eye - p[:, 0])).sum(axis=1) < 0
+            n = np.where(away[:, None, None], -n, n)
+        self.p, self.n = p, n
+        corners, middles = (p[:, i] for i in range(3)), (0.5 * (p[:, i] + p[:, i - 1]) for i in range(3))
+        self.spots = KDTree(np.concatenate([p.mean(axis=1), *corners, *middles]))
 
 
-def _nearest(p: np.ndarray, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of each R [N, 3], the nearest triangles of p [F, 3, 3] and weights of a point close to R in each: [N, K], [N, K, 2]."""
-    spots = np.concatenate([p.mean(axis=1), *(p[:, i] for i in range(3)), *(0.5 * (p[:, i] + p[:, i - 1]) for i in range(3))])
-    chosen = KDTree(spots).query(R, min(6 * NEAR, len(spots)))[1].reshape(len(R), -1) % len(p)
+def _nearest(surface: Surface, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of each R [N, 3], the nearest triangles and weights of a point close to R in each: [N, K], [N, K, 2]."""
+    p = surface.p
+    chosen = surface.spots.query(R, min(6 * NEAR, surface.spots.n))[1].reshape(len(R), -1) % len(p)
     e1, e2, d = p[chosen, 1] - p[chosen, 0], p[chosen, 2] - p[chosen, 0], R[:, None] - p[chosen, 0]
     a, b, c, y1, y2 = ((x * y).sum(axis=-1) for x, y in ((e1, e1), (e1, e2), (e2, e2), (d, e1), (d, e2)))
     det = np.maximum(a * c - b * b, 1e-300)
@@ -68,24 +73,23 @@ def _off(p, n, eye, V, b, R, screen) -> np.ndarray:
 
 
 def pixels_off(
-    mirror: Reflector, camera: Camera, size: tuple[int, int], V: np.ndarray, R: np.ndarray, enough: float
+    surface: Surface, camera: Camera, size: tuple[int, int], V: np.ndarray, R: np.ndarray, enough: float
 ) -> np.ndarray:
     """Pixels from each R [N, 3] to the nearest true reflection point of V [N, 3], inf where there is none; [N].
 
     Where no root that is near is within `enough` pixels, all are asked, of ASKED points at most: others are left at inf.
     """
-    eye = np.asarray(camera.eye, float)
-    p, n = _surface(mirror, eye)
+    eye, p, n = np.asarray(camera.eye, float), surface.p, surface.n
 
     def screen(x):
         return truth.on_screen(x, camera, *size)
 
-    chosen, b = _nearest(p, R)
+    chosen, b = _nearest(surface, R)
     off = _off(p[chosen], n[chosen], eye, V[:, None], b, R, screen)
     far = np.flatnonzero(off > enough)[:ASKED]
-    mesh = mirror.mesh
+    mesh = surface.mesh
     points, _ = truth.every_reflection_point(
-        mesh.vertices, mesh.normals, mesh.faces, eye, V[far], both_sides=mirror.closed is None
+        mesh.vertices, mesh.normals, mesh.faces, eye, V[far], both_sides=surface.both_sides
     )
     for i, P in zip(far, points, strict=True):
         if len(P):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from oracles.texture_oracle import shown
 
@@ -48,6 +50,20 @@ def first_hits(made: Scene, time: float, width: int, height: int, beyond: np.nda
     return part, p, normal, radiance, margin > 1e-4
 
 
+AT_ONCE = 256  # triangles
+
+
+def passing(corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> Iterator[np.ndarray]:
+    """Of each triangle, corners [F, 3, 3], which lines o + t d, [N, 3] each, pass the ball around it; no other is near it."""
+    squared = (d**2).sum(axis=1)
+    for some in np.array_split(corners, -(-len(corners) // AT_ONCE)):
+        middle = some.mean(axis=1)
+        reach = 1.01 * np.linalg.norm(some - middle[:, None], axis=2).max(axis=1)  # a hundredth more, for what is near an edge
+        away = (middle**2).sum(axis=1)[:, None] - 2 * middle @ o.T + (o**2).sum(axis=1)  # squared, from o
+        along = middle @ d.T - (o * d).sum(axis=1)
+        yield from map(np.flatnonzero, (away - reach[:, None] ** 2) * squared <= along**2)
+
+
 def reflected_hits(made: Scene, time: float, o: np.ndarray, d: np.ndarray, mirror: int):
     """(triangle or -1, distance, radiance, clear) of rays o + t d, [N, 3] each, past mirror number `mirror`; triangles are
     numbered over all parts in their order, backs of closed parts count. `clear`: rounding changes nothing."""
@@ -57,23 +73,25 @@ def reflected_hits(made: Scene, time: float, o: np.ndarray, d: np.ndarray, mirro
     number = 0
     for place, thing in enumerate(made.parts):
         mesh = thing.mesh.transformed(thing.pose(time))
-        for face in mesh.faces:
+        if place == len(made.objects) + mirror:
+            number += len(mesh.faces)
+            continue
+        for face, lane in zip(mesh.faces, passing(mesh.vertices[mesh.faces], o, d), strict=True):
             number += 1
-            if place == len(made.objects) + mirror:
+            if not len(lane):
                 continue
-            a, b, c = (mesh.vertices[i] - o for i in face)
-            volumes = np.stack([(d * np.cross(*pair)).sum(1) for pair in ((b, c), (c, a), (a, b))], axis=1)
+            a, b, c = (mesh.vertices[i] - o[lane] for i in face)
+            volumes = np.stack([(d[lane] * np.cross(*pair)).sum(1) for pair in ((b, c), (c, a), (a, b))], axis=1)
             with np.errstate(divide="ignore", invalid="ignore"):
                 weights = volumes / volumes.sum(axis=1, keepdims=True)
-            t = ((weights[:, :1] * a + weights[:, 1:2] * b + weights[:, 2:] * c) * d).sum(1)
+            t = ((weights[:, :1] * a + weights[:, 1:2] * b + weights[:, 2:] * c) * d[lane]).sum(1)
             inside = (weights >= 0).all(axis=1) & (t > 0)
             near = (weights > -1e-4).all(axis=1) & (t > -1e-4)
-            margin = np.where(near, np.minimum(margin, np.abs(weights).min(axis=1)), margin)
-            margin = np.where(inside & np.isfinite(best), np.minimum(margin, np.abs(t - best)), margin)
-            closer = inside & (t < best)
-            best, which = np.where(closer, t, best), np.where(closer, number - 1, which)
-            if not isinstance(thing, Reflector):
-                radiance[closer] = shown(mesh, face, weights[closer])
-            else:
-                radiance[closer] = 0
+            margin[lane[near]] = np.minimum(margin[lane], np.abs(weights).min(axis=1))[near]
+            second = inside & np.isfinite(best[lane])
+            margin[lane[second]] = np.minimum(margin[lane], np.abs(t - best[lane]))[second]
+            closer = inside & (t < best[lane])
+            best[lane[closer]], which[lane[closer]] = t[closer], number - 1
+            lit = not isinstance(thing, Reflector)
+            radiance[lane[closer]] = shown(mesh, face, weights[closer]) if lit else 0
     return which, best, radiance, margin > 1e-4

@@ -9,6 +9,7 @@ import pytest
 import trimesh
 from oracles.room_oracle import HALF, picture, room
 from support.small_room import box, quad, sphere
+from support.tiers import complete, exhaustive
 
 from benchharness.measure import metrics
 from benchharness.measure.bench import Bench
@@ -97,9 +98,10 @@ def test_a_mirror_wound_wrongly_is_turned_outwards_with_its_normals(turn):
 
 
 @pytest.mark.parametrize(
-    "turn", [pytest.param(np.ones(10_000, bool), marks=pytest.mark.exhaustive), HALF_OF_IT], ids=["all", "half"]
+    "turn", [pytest.param(np.ones(10_000, bool), marks=(exhaustive, complete)), HALF_OF_IT], ids=["all", "half"]
 )
 def test_every_method_shows_what_it_shows_of_a_mirror_wound_rightly(turn):
+    # Turned as a whole, it is the same mesh that methods get, by the test before: left to all of the tests.
     ball = welded(sphere(0.5, slices=48, stacks=24))
     right, wrong = (with_ball(room(), mesh) for mesh in (ball, wound(ball, turn[: len(ball.faces)])))
     benches = [Bench(scene, SIZE, ReferenceOptions(spp=2), None, 0, (1, 1)) for scene in (right, wrong)]

@@ -38,10 +38,10 @@ def points_of(V: np.ndarray) -> Object:
     return Object("points", Mesh(V, one, np.tile([0.0, 0, 1], (len(V), 1)), radiance=np.ones((len(V), 3))), "reflections")
 
 
-def world(shape, eye, seed: int):
-    """A mirror, and vertices [COUNT, 3] that it reflects to the eye at points [COUNT, 3]."""
-    P, V = reflected(shape, eye, seed, COUNT)
-    mesh = shape.mesh(5)
+def world(shape, eye, seed: int, count: int = COUNT, fine: int = 5):
+    """A mirror, and vertices [count, 3] that it reflects to the eye at points [count, 3]."""
+    P, V = reflected(shape, eye, seed, count)
+    mesh = shape.mesh(fine)
     camera = still(tuple(eye), (0.0, 0.0, 0.0), FOV_DEG)
     return scene([points_of(V)], [Reflector("mirror", mesh, mesh)], camera, frames=1), P, V
 
@@ -56,7 +56,7 @@ def asked(name: str, made) -> dict[str, np.ndarray]:
 @functools.cache
 def reporting() -> list[str]:
     """Methods that report vertices."""
-    made, _, _ = world(Ellipsoid(half=(0.8, 0.8, 0.8)), np.array([0.0, -3.0, 0.5]), 0)
+    made, _, _ = world(Ellipsoid(half=(0.8, 0.8, 0.8)), np.array([0.0, -3.0, 0.5]), 0, count=12, fine=2)
     answers = {
         name: shaded(method(), made, 0, size=(32, 24))[0].reflection
         for name, method in METHODS.items()

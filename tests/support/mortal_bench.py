@@ -59,6 +59,9 @@ class Bench(study.Bench):
         for line in lines:
             if line.rpartition(" ")[0] == moment:
                 deaths.write_text("\n".join(other for other in lines if other != line))
+                signal.signal(
+                    signal.SIGINT, signal.default_int_handler
+                )  # whoever starts us in the background may let it be ignored
                 os.kill(os.getpid(), signal.Signals[line.rpartition(" ")[2]])
                 time.sleep(60)
 

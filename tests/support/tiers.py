@@ -31,13 +31,18 @@ def in_turns(ones: Iterable[str], others: Sequence[str]) -> list[tuple[str, str]
     return [(one, others[k % len(others)]) for k, one in enumerate(ones)]
 
 
-def paired(ones: Iterable[str], others: Iterable[str], drawn: Iterable[tuple[str, str]]) -> list:
-    """All pairs of two lists of names as parameters; all but those drawn are exhaustive, and of these all but every fourth,
-    so that each name meets a fourth of the others, complete."""
+def paired(ones: Iterable[str], others: Iterable[str], drawn: Iterable[tuple[str, str]], step: int = 4) -> list:
+    """All pairs of two lists of names as parameters; all but those drawn are exhaustive, and of these all but every so many-th,
+    in turns of the others for each name, complete."""
     others, drawn = list(others), set(drawn)
     made = []
     for i, one in enumerate(ones):
         for k, other in enumerate(others):
-            marks = () if (one, other) in drawn else (exhaustive,) if (i + k) % 4 == 0 else (exhaustive, complete)
+            marks = () if (one, other) in drawn else (exhaustive,) if (i + k) % step == 0 else (exhaustive, complete)
             made.append(pytest.param(one, other, id=f"{one}-{other}", marks=marks))
     return made
+
+
+def up_to_the_rest(parameters: Iterable) -> list[tuple]:
+    """The values of those parameters that are not left to `make test-all`."""
+    return [p.values for p in parameters if complete.name not in {mark.name for mark in p.marks}]

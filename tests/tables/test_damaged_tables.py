@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 
 import pytest
+from support.tiers import complete, exhaustive
 
 from benchharness import report
 from benchharness.tables import baseline, compare, formats, results
@@ -117,11 +118,13 @@ def test_damaged_tables_are_compared_or_refused_with_the_place(tmp_path):
     assert said.count("refused") > 50 and said.count("compared") > 20
 
 
-@pytest.mark.exhaustive
-def test_many_damaged_tables_are_compared_accepted_and_reported_or_refused(tmp_path):
-    for seed in range(1000, 4000):
+@exhaustive
+@pytest.mark.parametrize("first", [1000, *(pytest.param(seed, marks=complete) for seed in (2000, 3000))])
+def test_many_damaged_tables_are_compared_accepted_and_reported_or_refused(tmp_path, first):
+    """Two thousand more of the same kind are for all of the tests."""
+    for seed in range(first, first + 1000):
         answered(tmp_path, seed)
-    for seed in range(5000, 5100):
+    for seed in range(5 * first, 5 * first + 33):
         answered(tmp_path, seed, reported=True)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from oracles.mesh_roots import pixels_off
+from oracles.mesh_roots import Surface, pixels_off
 from support.known_reflections import METHODS, points_of
 from support.mirror_room import scene, shaded, still
 from support.random_mirrors import KINDS, eye_before, mirror, vertices
@@ -20,6 +20,7 @@ from support.tiers import exhaustive
 from benchharness.api import Method
 from benchharness.kernels.pixels import WRONG_PX
 from benchharness.kernels.vertices.mirrormesh import NEAREST
+from benchharness.render.frame import FrameRenderer
 
 SIZE = (320, 240)
 COUNT = 6_000
@@ -42,16 +43,16 @@ RESIDUAL_PX = {"newton": 0.02, "secant_triangle, always": 0.02}
 as long as its rounding."""
 
 
-def wrong(made, mirror_, V, name: str) -> tuple[np.ndarray, float]:
+def wrong(made, renderer, mirror_, surface, V, name: str) -> tuple[np.ndarray, float]:
     """Pixels off of a sample of what a method calls converged, and the share that it calls so."""
-    found = shaded(method_of(name), made, 0, size=SIZE)[0].reflection.vertices
+    found = shaded(method_of(name), made, 0, renderer=renderer)[0].reflection.vertices
     assert found is not None
     converged, R = np.array(found.converged)[: len(V)], np.array(found.R, np.float64).T[: len(V)]
     chosen = np.flatnonzero(converged)
     chosen = chosen[:: max(1, len(chosen) // SOLVED)]
     if not len(chosen):
         return np.zeros(0), 0.0
-    off = pixels_off(mirror_, made.camera(0.0), SIZE, V[chosen], R[chosen], WRONG_PX)
+    off = pixels_off(surface, made.camera(0.0), SIZE, V[chosen], R[chosen], WRONG_PX)
     size = np.linalg.norm(np.ptp(mirror_.mesh.vertices, axis=0))
     off[np.linalg.norm(R[chosen] - V[chosen], axis=1) < NEAREST * size] = 0
     far = np.flatnonzero(off > WRONG_PX)
@@ -84,10 +85,11 @@ def test_what_is_called_converged_is_a_reflection_point_of_the_mesh(kind, seeds)
         eye, fov_deg = eye_before(mirror_, rng)
         V = vertices(mirror_, eye, rng, COUNT)
         made = scene([points_of(V)], [mirror_], still(tuple(eye), (0.0, 0.0, 0.0), fov_deg), frames=1)
+        renderer, surface = FrameRenderer(made, *SIZE), Surface(mirror_, eye)
         for name in ASKED:
             if method_of(name).refuses(made) is not None:
                 continue
-            off, share = wrong(made, mirror_, V, name)
+            off, share = wrong(made, renderer, mirror_, surface, V, name)
             case = f"{name}, {kind} {seed}"
             assert (off > WRONG_PX).sum() <= UNKNOWN.get(name, 0) * len(off), f"{case}: {np.sort(off)[-9:]} px off"
             if name in RESIDUAL_PX and len(off):

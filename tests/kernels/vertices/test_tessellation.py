@@ -155,7 +155,7 @@ def test_a_flat_mirror_splits_nothing(spied):
 
 
 def test_more_pieces_the_less_is_asked_for_and_an_image_that_converges(spied):
-    fine = subdivided(coarse_walls().mesh, 0.04)
+    fine = subdivided(coarse_walls().mesh, 0.063)
     made = scene((coarse_walls(),), (mirror_ball(),))
     exact = scene((replace(coarse_walls(), mesh=fine),), (mirror_ball(),))
     [target] = shaded(Newton(), exact, 0, size=SIZE)
