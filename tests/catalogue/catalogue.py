@@ -15,8 +15,6 @@ from catalogue.catalogue_row import Elsewhere, Row
 
 from benchharness import platform
 
-NOT_HERE = {"I-20, 6.4": "distance impostors"}  # no method of this project's
-
 
 def table() -> list[Row | Elsewhere]:
     """Every row, by part. The parts import Mitsuba: LLVM has to be chosen before."""
@@ -65,8 +63,6 @@ def main() -> int:
         text, good = line(row)
         outside += not good
         print(text, flush=True)
-    for entry, why in NOT_HERE.items():
-        print(f"{entry} | not measured: {why} are no method here")
     print(f"{outside} outside")
     return 1 if outside else 0
 
