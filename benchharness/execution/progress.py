@@ -13,8 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextC
 
 from benchharness.render.making import SELDOM_S, Pace, Share, Teller
 from benchharness.study.config import Job
-
-ANSWERED = 0.98  # share of the mirror's pixels; what answers fewer is mentioned
+from benchharness.tables.remarks import remarks
 
 
 class Bars:
@@ -78,22 +77,6 @@ class Lines:
 
     def note(self, text: str) -> None:
         self._console.print(text, markup=False, highlight=False, soft_wrap=True)
-
-
-def remarks(records: list[dict]) -> list[str]:
-    """What the user should know of a frame's rows beside their status: what nobody should rely on, and why."""
-    found: dict[str, list[str]] = {}
-    for record in records:
-        coverage, reason = record.get("coverage"), None
-        if record["status"] == "invalid":
-            reason = f"not ranked: {record['reason']}"
-        elif record["status"] == "ok" and record.get("reflector_px") == 0:
-            reason = "no mirror in view: times, and no errors"
-        elif record["status"] == "ok" and coverage is not None and coverage < ANSWERED:
-            reason = f"no answer in {1 - coverage:.0%} of the mirror, shown as it is"
-        if reason is not None:
-            found.setdefault(reason, []).append(f"{record['method']} {record['params']}".strip())
-    return [f"{reason} ({', '.join(who) if len(who) < len(records) else 'all'})" for reason, who in found.items()]
 
 
 @contextmanager

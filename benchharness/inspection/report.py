@@ -16,6 +16,7 @@ from benchharness.study.methods import Entry
 
 FAR = 1000.0  # sizes of the smallest mirror: a scene that far from its origin, or so much larger than that, is worth a word
 WIDE = 0.25  # of the picture's height: triangles with longer edges, in pixels of the first frame
+BENT_DEG = 0.1  # normals turn by more across some triangle of a mirror that is not flat
 SMALL_PX = 100  # mirrors that are less of the picture are hardly seen
 
 
@@ -76,6 +77,9 @@ def _part(part: Object | Reflector, scene: Scene, size: tuple[int, int]) -> Iter
     yield Note(f"{'mirror' if mirror else 'object'} {part.name}: {surfacefacts.described(facts)}")
     for text in surfacefacts.faults(facts, mirror=mirror):
         yield Note(f"{part.name}: {text}", wrong=True)
+    if isinstance(part, Reflector) and part.closed is None and facts.closed < facts.pieces and facts.turn_deg > BENT_DEG:
+        text = f"{part.name} is open and bent: methods that move vertices search beyond its edges, and find what is not there"
+        yield Note(f"{text}; a closed mesh around it can be named as `closed`", wrong=True)
     longest = longest_edge_px(part, scene, size)
     coarse = longest > WIDE * size[1] and part.mesh.radiance is None and scene.h_max is None
     if coarse and not mirror and not scene.lightmaps:
@@ -116,7 +120,32 @@ def _shown(scene: Scene, size: tuple[int, int], picture: Path, bake_spp: int) ->
         yield Note(f"{text}, of which {'; '.join(shares)}" if shares else text, wrong=worst > mirrors.MUCH)
     if not seen.mirrors:
         yield Note("no mirror is seen in the first frame", wrong=True)
+        yield from (_unseen(part, scene, size) for part in scene.reflectors)
     yield Note(f"picture: {picture}")
+
+
+def _unseen(part: Reflector, scene: Scene, size: tuple[int, int]) -> Note:
+    """Where a mirror is that the first frame does not show."""
+    time = scene.time(0)
+    vertices = part.mesh.transformed(part.pose(time)).vertices
+    rows = scene.camera(time).world_to_screen(*size)
+    q = vertices @ rows[:, :3].T + rows[:, 3]
+    q = q[q[:, 2] > scene.near_plane]
+    at = q[:, :2] / q[:, 2:]
+    if not len(q):
+        said = ["behind the eye"]
+    elif not ((at >= 0) & (at <= size)).all(axis=1).any():
+        said = ["beside the picture"]
+    else:
+        said = ["in the picture, behind something else"]
+    if scene.objects:
+        others = np.concatenate([thing.mesh.transformed(thing.pose(time)).vertices for thing in scene.objects])
+        if (vertices.min(axis=0) > others.max(axis=0)).any() or (vertices.max(axis=0) < others.min(axis=0)).any():
+            said.append("outside of the box around all objects")
+        own, all_ = (float(np.ptp(points, axis=0).max()) for points in (vertices, others))
+        if own > all_:
+            said.append(f"{own:.4g} m long, and all objects together {all_:.4g}: are the units those of one file?")
+    return Note(f"mirror {part.name} is {', '.join(said)}", wrong=True)
 
 
 def _refusals(scene: Scene, entries: Sequence[Entry], say: Callable[[str], None]) -> Iterator[Note]:

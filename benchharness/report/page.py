@@ -19,6 +19,7 @@ from benchharness.tables import origin, results
 from benchharness.tables.columns import RESULTS, STATUSES, SUMMARY, Column
 from benchharness.tables.files import write_atomic
 from benchharness.tables.naming import safe_name
+from benchharness.tables.remarks import remarks
 
 LEADING = "frame_ms shade_ms update_ms prepare_ms kernel_ms first_ms flip flip_p95 rmse relmse".split()
 """Columns of a scene's table that come first, in this order."""
@@ -40,10 +41,11 @@ class Cell:
 
 @dataclass(frozen=True)
 class Section:
-    """A scene on the page."""
+    """A scene on the page. `notes`: what was wrong in it, and what should not be relied on in its rows."""
 
     anchor: str
     view: SceneView
+    notes: list[str]
     answers: list[Point | None]
     frontier: Markup
     path: Markup
@@ -64,14 +66,15 @@ def write(run: Path) -> Path:
         raise ValueError(f"{run / 'results.csv'}: no rows; accepted: the results of a run")
     styles = looks(records)
     seen = views(records)
-    sections = [_section(run, f"scene-{i}", view, styles) for i, view in enumerate(seen)]
+    environment = origin.read_environment(run)
+    said = environment.get("scenes", {})
+    sections = [_section(run, f"scene-{i}", view, styles, said.get(view.scene, "")) for i, view in enumerate(seen)]
     drawn = [view for view in seen if view.points]
     overview = chart.save(chart.overview(drawn, styles), run / "figures" / "overview") if len(drawn) > 1 else []
     loader = jinja2.FileSystemLoader(Path(__file__).parent)
     template = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined).get_template(
         "page.html.jinja"
     )
-    environment = origin.read_environment(run)
     text = template.render(
         title=", ".join(dict.fromkeys(r["config"] for r in records if r["config"])) or run.name,
         sections=sections,
@@ -101,7 +104,7 @@ def table() -> list[Column]:
     return [shown.pop(name) for name in LEADING] + list(shown.values())
 
 
-def _section(run: Path, anchor: str, view: SceneView, styles: Mapping[str, Look]) -> Section:
+def _section(run: Path, anchor: str, view: SceneView, styles: Mapping[str, Look], said: str) -> Section:
     stem = safe_name(view.scene) + (f"-{safe_name(view.detail)}" if view.detail else "")
     written: list[Path] = []
     frontier = path = Markup()
@@ -114,6 +117,7 @@ def _section(run: Path, anchor: str, view: SceneView, styles: Mapping[str, Look]
     return Section(
         anchor=anchor,
         view=view,
+        notes=[*filter(None, said.split("; ")), *remarks(view.rows, lambda row: _named(view, row))],
         answers=[view.within(ms) for ms, _ in BUDGETS_MS] + [view.within(math.inf)],
         frontier=frontier,
         path=path,
@@ -122,6 +126,12 @@ def _section(run: Path, anchor: str, view: SceneView, styles: Mapping[str, Look]
         frames=images.frames(view, run / "images"),
         figures=[str(file.relative_to(run)) for file in written],
     )
+
+
+def _named(view: SceneView, row: Mapping[str, Any]) -> str:
+    """A row by its method and what differs between that and others of it."""
+    label = view.labels[row["method"], row["params"] or ""]
+    return f"{row['method']} {label}".strip()
 
 
 def _row(view: SceneView, row: dict, shown: Sequence[Column], styles: Mapping[str, Look]) -> dict:

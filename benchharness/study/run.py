@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -32,7 +32,7 @@ class Run:
 
     size        width, height in pixels
     frames      that many, evenly over the animation with its first and last; or a list of frames; 3 or all if fewer
-    min_rounds  timed rounds at least, and
+    min_rounds  timed rounds at least, by default no more than `max_rounds`, and
     max_rounds  at most, until the median is known well enough
     images      frames whose pictures are kept; all if not given
     timeout_s   seconds that a frame may take with all its methods, and the scene's preparation; counted anew from every part of
@@ -52,6 +52,8 @@ class Run:
 def run_of(table: Mapping[str, Any], where: str) -> Run:
     """The section, out of its table. Raises ValueError for what is wrong in it."""
     run = params.options(Run, table, where)
+    if "min_rounds" not in table:
+        run = replace(run, min_rounds=min(run.min_rounds, run.max_rounds))
     if run.min_rounds > run.max_rounds:
         raise ValueError(f"{where}.min_rounds is {run.min_rounds}; accepted: at most max_rounds, {run.max_rounds}")
     if math.prod(run.size) > MOST_PIXELS:

@@ -96,6 +96,29 @@ def test_a_scene_far_from_its_origin_and_a_mirror_that_is_tiny_in_it_are_said(tm
     assert any("of 6,144 pixels" in text or "no mirror is seen" in text for text in said)
 
 
+def test_where_a_mirror_is_that_is_not_seen():
+    made = scene(objects=(Object("floor", ball(4.0), "round"),))
+
+    def said(radius, at):
+        return str(report._unseen(Reflector("ball", ball(radius, at)), made, SIZE))
+
+    assert said(1.0, (0, 0, 0)) == "! mirror ball is in the picture, behind something else"
+    assert said(0.5, (3.5, 0, 0)) == "! mirror ball is beside the picture"
+    assert said(0.5, (0, -9, 0)) == "! mirror ball is behind the eye, outside of the box around all objects"
+    assert "100 m long, and all objects together 8: are the units" in said(50.0, (0, 60, 0))
+
+
+def test_a_mirror_that_is_open_and_bent_is_said_to_be():
+    def warned(mirror):
+        return any("is open and bent" in str(note) for note in report._part(mirror, scene(), SIZE))
+
+    whole = ball(1.0)
+    bowl = replace(whole, faces=whole.faces[whole.vertices[whole.faces].mean(axis=1)[:, 2] < 0])
+    sheet = Mesh([[0, 0, 0], [1, 0, 0], [0, 0, 1]], [[0, 1, 2]], [[0, -1, 0]] * 3)
+    assert [warned(Reflector("m", mesh)) for mesh in (whole, bowl, sheet)] == [False, True, False]
+    assert not warned(Reflector("m", bowl, closed=whole))
+
+
 @pytest.fixture(scope="module")
 def cube(tmp_path_factory) -> Path:
     """A cube of eight shared vertices, without normals, of 1,000 units."""

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 from oracles.room_oracle import room
 
-from benchharness.execution import progress
 from benchharness.measure.bench import Bench
 from benchharness.render.reference import ReferenceOptions
 from benchharness.study import plugins
+from benchharness.tables.remarks import remarks
 
 SIZE = (96, 72)
 
@@ -57,9 +57,7 @@ def test_what_is_nearer_than_the_near_plane_is_seen_in_neither_frame_nor_referen
     record = row(replace(room(), near=2.4))
     assert record["status"] == "ok" and record["flip"] is None
     assert record["reflector_px"] == record["reference_px"] == 0
-    assert progress.remarks([record | {"method": "ray_traced", "params": ""}]) == [
-        "no mirror in view: times, and no errors (all)"
-    ]
+    assert remarks([record | {"method": "ray_traced", "params": ""}]) == ["no mirror in view: times, and no errors (all)"]
 
 
 def test_masks_that_differ_are_not_ranked():
@@ -79,7 +77,12 @@ def test_masks_that_differ_are_not_ranked():
 def test_the_console_says_what_is_not_ranked_and_what_is_unanswered():
     ok = {"status": "ok", "reflector_px": 10, "coverage": 0.48, "method": "newton", "params": "multi=2", "reason": None}
     bad = {"status": "invalid", "reason": "the reference is black", "method": "sky", "params": ""}
-    assert progress.remarks([ok, bad, {**ok, "coverage": 1.0}]) == [
+    assert remarks([ok, bad, {**ok, "coverage": 1.0}]) == [
         "no answer in 52% of the mirror, shown as it is (newton multi=2)",
         "not ranked: the reference is black (sky)",
+    ]
+    astray = {**ok, "wrong_ratio": 0.286}
+    assert remarks([astray, {**ok, "wrong_ratio": 0.0}], lambda row: row["method"]) == [
+        "no answer in 52% of the mirror, shown as it is (all)",
+        "29% of the reflection points that are called right are more than 2 pixels off (newton)",
     ]

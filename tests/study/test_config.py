@@ -353,3 +353,8 @@ def test_a_scene_in_which_nothing_shines_is_refused(write):
     scene = config.load(write(GOOD)).jobs[0].scene.build()
     with pytest.raises(ValueError, match=r"here: nothing shines; accepted: an object with emission"):
         scenes._check_light(replace(scene, background=(0.0, 0.0, 0.0)), "here")
+
+
+def test_fewer_rounds_at_most_than_there_are_at_least_by_default_are_all_there_are(tmp_path):
+    made = config.load(study.write(tmp_path, '["a"]', run="max_rounds = 3")).run
+    assert (made.min_rounds, made.max_rounds) == (3, 3)
