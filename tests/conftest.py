@@ -36,16 +36,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def variant() -> str | None:
     """Sets the variant if a collected test module has imported Mitsuba; NumPy-only tests stay quick.
 
-    Processes that test side by side share the cores: Dr.Jit's threads of one would wait for those of another.
+    Threads are left as they are: with a single one Mitsuba never returns from writing an EXR file.
     """
     if "mitsuba" not in sys.modules:
         return None
     chosen = os.environ.get("BENCHHARNESS_TEST_VARIANT", "llvm_ad_rgb")
     platform.use_variant(chosen)
-    if (beside := int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))) > 1:
-        import drjit as dr
-
-        dr.set_thread_count(max(1, (os.cpu_count() or 1) // beside))
     return chosen
 
 
