@@ -28,6 +28,10 @@ BY_RAY = {f"{name} by rays": (name, {"resolve": "ray"}) for name in ("newton", "
 ASKED = {**{name: (name, {}) for name in METHODS if name != "planar_mirror"}, **BY_RAY}
 UNLIKE = ["ray_traced", "image_space_search", "newton"]
 SHARE = 1e-3  # of the mean radiance that a mirror shows: by how much it may be another in the mean
+MADE = {
+    "loose": 1.5,
+    "bare": 1.5,
+}  # times that where normals are made: off by the square of an edge, and a map is taken with them
 
 Shown = tuple[np.ndarray, np.ndarray]
 """Radiance [H, W, 3], and where it is one [H, W]."""
@@ -91,5 +95,5 @@ def test_a_method_shows_what_it_shows_of_the_welded_ball(asked):
 @exhaustive
 @pytest.mark.parametrize("asked", ASKED)
 def test_a_method_shows_so_of_every_kind_of_file(asked):
-    off = {kind: share_off(shown(asked, kind), shown(asked, "welded")) for kind in SPLIT}
+    off = {kind: share_off(shown(asked, kind), shown(asked, "welded")) / MADE.get(kind, 1.0) for kind in SPLIT}
     assert max(off.values()) <= SHARE, off
