@@ -29,9 +29,6 @@ ASKED = {**{name: (name, {}) for name in METHODS if name != "planar_mirror"}, **
 UNLIKE = ["ray_traced", "image_space_search", "newton"]
 SHARE = 1e-3  # of the mean radiance that a mirror shows: by how much it may be another in the mean
 MADE = {"loose": 1.5, "bare": 1.5}  # times that where normals are made, which are off by the square of an edge
-    "loose": 1.5,
-    "bare": 1.5,
-}  # times that where normals are made: off by the square of an edge, and a map is taken with them
 
 Shown = tuple[np.ndarray, np.ndarray]
 """Radiance [H, W, 3], and where it is one [H, W]."""
