@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchharness.assets.asset import Findings, Material, Part
-from benchharness.modelling import cutout
+from benchharness.modelling import cutout, winding
 from benchharness.modelling.contour import ALPHA, NORMAL, PLACE, UV, Holes
 
 MOST = 200_000
@@ -106,5 +106,4 @@ def _part(part: Part, sheet: cutout.Sheet) -> Part:
 
 
 def _area(part: Part) -> float:
-    a, b, c = np.moveaxis(part.vertices[part.faces], 1, 0)
-    return 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    return 0.5 * float(np.linalg.norm(winding.crossed(part.vertices, part.faces), axis=1).sum())

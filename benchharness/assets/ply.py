@@ -160,8 +160,8 @@ def _materials(
     materials = []
     for name in named if numbers is not None else named[:1]:
         picture = pictures.named(path.parent, name, f"picture {name}", findings)
-        alpha = pictures.named(path.parent, name, f"picture {name}", findings, pictures.alpha)
-        holes = None if picture is None or alpha is None else Holes(0.5, AlphaMap(alpha))
+        alpha = None if picture is None else pictures.named(path.parent, name, f"picture {name}", findings, pictures.alpha)
+        holes = None if alpha is None else Holes(0.5, AlphaMap(alpha))
         title = name.rpartition("/")[2].rpartition(".")[0]
         materials.append(Material(title, plain if picture is None else WHITE, picture, holes=holes, blends=holes is not None))
     materials.append(Material("", plain))

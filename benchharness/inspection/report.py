@@ -89,16 +89,24 @@ def _part(part: Object | Reflector, scene: Scene, size: tuple[int, int]) -> Iter
 
 def longest_edge_px(part: Object | Reflector, scene: Scene, size: tuple[int, int]) -> float:
     """The longest edge of a part in the first frame, in pixels, of those that lie before the eye and are in the picture."""
-    camera, time = scene.camera(scene.time(0)), scene.time(0)
-    vertices = part.mesh.transformed(part.pose(time)).vertices
-    rows = camera.world_to_screen(*size)
-    q = vertices @ rows[:, :3].T + rows[:, 3]
+    q = _projected(_standing(part, scene), scene, size)
     faces = part.mesh.faces[(q[part.mesh.faces][..., 2] > scene.near_plane).all(axis=1)]
     if len(faces) == 0:
         return 0.0
     corners = q[faces][..., :2] / q[faces][..., 2:]
     seen = ((corners.max(axis=1) > 0) & (corners.min(axis=1) < size)).all(axis=1)
     return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)[seen].max(initial=0.0))
+
+
+def _standing(part: Object | Reflector, scene: Scene) -> np.ndarray:
+    """A part's vertices in the first frame, [V, 3]."""
+    return part.mesh.transformed(part.pose(scene.time(0))).vertices
+
+
+def _projected(vertices: np.ndarray, scene: Scene, size: tuple[int, int]) -> np.ndarray:
+    """Where the first frame's camera has vertices, homogeneous, [V, 3]: pixels times depth, and depth."""
+    rows = scene.camera(scene.time(0)).world_to_screen(*size)
+    return vertices @ rows[:, :3].T + rows[:, 3]
 
 
 def _shown(scene: Scene, size: tuple[int, int], picture: Path, bake_spp: int) -> Iterator[Note]:
@@ -126,10 +134,8 @@ def _shown(scene: Scene, size: tuple[int, int], picture: Path, bake_spp: int) ->
 
 def _unseen(part: Reflector, scene: Scene, size: tuple[int, int]) -> Note:
     """Where a mirror is that the first frame does not show."""
-    time = scene.time(0)
-    vertices = part.mesh.transformed(part.pose(time)).vertices
-    rows = scene.camera(time).world_to_screen(*size)
-    q = vertices @ rows[:, :3].T + rows[:, 3]
+    vertices = _standing(part, scene)
+    q = _projected(vertices, scene, size)
     q = q[q[:, 2] > scene.near_plane]
     at = q[:, :2] / q[:, 2:]
     if not len(q):
@@ -139,7 +145,7 @@ def _unseen(part: Reflector, scene: Scene, size: tuple[int, int]) -> Note:
     else:
         said = ["in the picture, behind something else"]
     if scene.objects:
-        others = np.concatenate([thing.mesh.transformed(thing.pose(time)).vertices for thing in scene.objects])
+        others = np.concatenate([_standing(thing, scene) for thing in scene.objects])
         if (vertices.min(axis=0) > others.max(axis=0)).any() or (vertices.max(axis=0) < others.min(axis=0)).any():
             said.append("outside of the box around all objects")
         own, all_ = (float(np.ptp(points, axis=0).max()) for points in (vertices, others))

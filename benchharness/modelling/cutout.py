@@ -174,7 +174,7 @@ def _split(net: _Net, edges: np.ndarray, kept: np.ndarray) -> tuple[_Net, np.nda
             break
         marked[further] = True
     ends, first, middle = np.unique(_along(net.faces)[split], return_index=True, return_inverse=True)
-    a, b = ends >> PAIR, ends & ((1 << PAIR) - 1)
+    a, b = _ends(ends)
     number = np.full(net.faces.shape, -1, np.int64)
     number[split] = len(net.columns) + middle.reshape(-1)
     columns = np.concatenate([net.columns, _directed(0.5 * (net.columns[a] + net.columns[b]), net.columns[a])])
@@ -197,7 +197,7 @@ def _clipped(net: _Net, contours: list[Contour], group: np.ndarray) -> _Net:
         a, b = np.moveaxis(corners[:, [[0, 1], [0, 2]]], -1, 0)
         a, b = np.where(net.place[a] < net.place[b], [a, b], [b, a])  # the same for all that meet there
         ends, which = np.unique((a << PAIR) | b, return_inverse=True)
-        a, b = ends >> PAIR, ends & ((1 << PAIR) - 1)
+        a, b = _ends(ends)
         low, high = net.columns[a], net.columns[b]
         t = contours[number].root(low, high)
         columns.append(_directed(low + t[:, None] * (high - low), low))
@@ -223,6 +223,11 @@ def _along(corners: np.ndarray) -> np.ndarray:
     """One number for each edge of faces, int64 [F, 3], by the numbers of its ends: the same in both directions."""
     ends = corners, np.roll(corners, -1, axis=1)
     return (np.minimum(*ends) << PAIR) | np.maximum(*ends)
+
+
+def _ends(pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The two numbers of each pair: in its upper and in its lower bits."""
+    return pairs >> PAIR, pairs & ((1 << PAIR) - 1)
 
 
 def _directed(columns: np.ndarray, otherwise: np.ndarray) -> np.ndarray:

@@ -117,7 +117,10 @@ def _section(run: Path, anchor: str, view: SceneView, styles: Mapping[str, Look]
     return Section(
         anchor=anchor,
         view=view,
-        notes=[*filter(None, said.split("; ")), *remarks(view.rows, lambda row: _named(view, row))],
+        notes=[
+            *filter(None, said.split("; ")),
+            *remarks(view.rows, lambda row: f"{row['method']} {_label(view, row)}".strip()),
+        ],
         answers=[view.within(ms) for ms, _ in BUDGETS_MS] + [view.within(math.inf)],
         frontier=frontier,
         path=path,
@@ -128,10 +131,9 @@ def _section(run: Path, anchor: str, view: SceneView, styles: Mapping[str, Look]
     )
 
 
-def _named(view: SceneView, row: Mapping[str, Any]) -> str:
-    """A row by its method and what differs between that and others of it."""
-    label = view.labels[row["method"], row["params"] or ""]
-    return f"{row['method']} {label}".strip()
+def _label(view: SceneView, row: Mapping[str, Any]) -> str:
+    """What differs between a row and others of its method."""
+    return view.labels[row["method"], row["params"] or ""]
 
 
 def _row(view: SceneView, row: dict, shown: Sequence[Column], styles: Mapping[str, Look]) -> dict:
@@ -140,7 +142,7 @@ def _row(view: SceneView, row: dict, shown: Sequence[Column], styles: Mapping[st
     return {
         "method": row["method"],
         "params": row["params"] or "",
-        "label": view.labels[row["method"], row["params"] or ""],
+        "label": _label(view, row),
         "colour": styles[row["method"]].colour if row["method"] in styles else "#7F7F7F",
         "place": interactive.standing(view, place) if place else reason,
         "verdict": place.verdict if place else "none",

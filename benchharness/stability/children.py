@@ -55,6 +55,10 @@ class Done:
     pictures: dict[str, str] = field(default_factory=dict)
 
 
+Tell = Callable[[Done | Share], None]
+"""Hears what came of units, and how far light and references are."""
+
+
 @dataclass
 class _Brood:
     """The processes that run, so that whoever stops listening can end them, and have no further ones started."""
@@ -128,14 +132,7 @@ def _lots(work: Work, done: Collection[Place]) -> Iterator[list[tuple[Place, dic
             yield lot
 
 
-def _lot(
-    lot: list[tuple[Place, dict]],
-    images: Path,
-    threads: int,
-    timeout_s: float,
-    tell: Callable[[Done | Share], None],
-    brood: _Brood,
-) -> None:
+def _lot(lot: list[tuple[Place, dict]], images: Path, threads: int, timeout_s: float, tell: Tell, brood: _Brood) -> None:
     left = list(lot)
     while left and not brood.ended:
         lost = _child(left, images, threads, timeout_s, tell, brood)
@@ -144,12 +141,7 @@ def _lot(
 
 
 def _child(
-    left: list[tuple[Place, dict]],
-    images: Path,
-    threads: int,
-    timeout_s: float,
-    tell: Callable[[Done | Share], None],
-    brood: _Brood,
+    left: list[tuple[Place, dict]], images: Path, threads: int, timeout_s: float, tell: Tell, brood: _Brood
 ) -> dict | None:
     """Takes the units that one process did from those that are left. Returns what to say of the next one, None if none is."""
     study = left[0][0][0]
